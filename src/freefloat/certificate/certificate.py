@@ -23,7 +23,7 @@ from freefloat.motion.residuals import path_errors
 from freefloat.so3 import Array, IntArray, angle_between, turned
 
 _INTEGRATOR = "Pinocchio and SciPy's DOP853"
-_TOLERANCE = 1e-12
+_TOLERANCE = 1e-11
 _BEFORE_SINGULAR, _MOMENT = 2, 1e-3
 """Number of panels before a singularity that are omitted, and part of the duration in which others
 are, too: the rates by time have no bound there."""
@@ -137,7 +137,7 @@ def certify(motion: Motion) -> Certificate:
         if motion.problem.task.prescribes_orientation
         else None,
         momentum=_worst(motion.momentum_errors(u), times),
-        momentum_scale=_momentum_scale(motion),
+        momentum_scale=momentum_scale(motion),
         rates=_rate_errors(motion),
         integration=integrate_again(motion),
     )
@@ -181,7 +181,7 @@ def _regular_panels(motion: Motion) -> int:
     return max(0, min(before, motion.panels - _BEFORE_SINGULAR))
 
 
-def _momentum_scale(motion: Motion) -> float:
+def momentum_scale(motion: Motion) -> float:
     """See :attr:`Certificate.momentum_scale`."""
     scale, n = motion.problem.system.momentum_bound, motion.problem.model.arm_dof
     _, states, slopes = _with_slopes(motion)
@@ -211,11 +211,7 @@ def _certified_minima(motion: Motion) -> tuple[tuple[CertifiedMinimum, ...], int
 
 
 def integrate_again(motion: Motion) -> Comparison:
-    """Compare a motion with that which the reference engine integrates from its first state.
-
-    Args:
-        motion: The motion; of one that ends singular, the last panels are omitted.
-    """
+    """Compare a motion, but its last panels before a singularity, with the reference engine's."""
     count = DEGREE * _regular_panels(motion) + 1
     times, first = motion.times[:count], motion.initial
     node = np.concatenate([times[:1], first.attitude, first.joints])

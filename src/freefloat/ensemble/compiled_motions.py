@@ -1,8 +1,7 @@
-"""Precise motions by the kernels, with trajectory: polynomials through the ends of their steps.
+"""Precise motions by the kernels: panels of polynomials through the ends of their steps.
 
-Between the ends of two steps a motion is the polynomial of fifth order through three neighbouring
-ends and their rates, whose error is below that of the steps. Panels, see
-:mod:`freefloat.motion.panels`, span several steps, as many as their polynomials can follow.
+Between steps a motion is a polynomial of fifth order, through three ends of steps and their rates;
+a panel, see :mod:`freefloat.motion.panels`, spans as many steps as its polynomials can follow.
 """
 
 from __future__ import annotations
@@ -18,21 +17,19 @@ from freefloat.motion.integration import integrate_motion
 from freefloat.motion.motion import Ending, Motion
 from freefloat.motion.panels import NODES, TO_COEFFICIENTS
 from freefloat.motion.problem import Problem
-from freefloat.so3 import Array, IntArray
+from freefloat.so3 import Array
 
 _TOLERANCE = 1e-10
 """A tenth of it is that of the steps."""
-_STEPS = 8
-"""Largest number of steps in a panel."""
-_ERROR = 1e-9
-"""Largest last coefficient of a panel's polynomials [rad, m]."""
+_STEPS, _ERROR = 8, 1e-9
+"""Largest number of steps in a panel; errors: last coefficients, differences through other steps."""
 
 
 def precise_motion(problem: Problem, attitude: Array, joints: Array) -> Motion:
     """A motion along the whole path, by the kernels where these can give it precisely.
 
-    Motions that end early end exactly where :func:`~freefloat.motion.integration.integrate_motion`
-    ends them. It also integrates those with further arms on joint curves, or with damped rates.
+    The reference engine gives motions that end early, exactly up to their singularity, and those
+    with further arms on joint curves or damped rates; see :func:`.integration.integrate_motion`.
     """
     base = problem.redundancy is not None and problem.redundancy.metric is Metric.BASE
     motion = None if base or problem.arms else _compiled(problem, attitude, joints)
@@ -40,24 +37,29 @@ def precise_motion(problem: Problem, attitude: Array, joints: Array) -> Motion:
 
 
 def _compiled(problem: Problem, attitude: Array, joints: Array) -> Motion | None:
-    """The kernels' motion; None where it ends early, or steps are too few between two breaks."""
+    """The kernels' motion; None where it ends early, or its steps do not give all digits."""
     try:
         from freefloat.ensemble.ensemble import EnsembleIntegrator  # compiled kernels import slowly
     except MissingNumbaError:
         return None
-    n, integrator = problem.model.arm_dof, EnsembleIntegrator(problem, 1, tolerance=_TOLERANCE)
+    n, duration = problem.model.arm_dof, problem.path.duration
     rows = np.empty((MAX_STEPS + 2, 9 + 2 * n))
-    result = integrator.integrate(attitude[None], joints[None], stricter=True, steps=rows)
-    if result.endings[0] != COMPLETED:
-        return None
+    result = EnsembleIntegrator(problem, 1, tolerance=_TOLERANCE).integrate(
+        attitude[None], joints[None], stricter=True, steps=rows
+    )
     rows = rows[1 : 1 + int(rows[0, 0])]
-    rows[:, 0] *= problem.path.duration
-    rows[:, 5 + n :] /= problem.path.duration
-    legs = np.searchsorted(rows[:, 0], [0.0, *problem.breaks, problem.path.duration])
-    if (np.diff(legs) < 2).any():
+    rows[:, 0] *= duration
+    rows[:, 5 + n :] /= duration
+    legs = np.searchsorted(rows[:, 0], [0.0, *problem.breaks, duration])
+    if result.endings[0] != COMPLETED or (np.diff(legs) < 2).any():
         return None
-    panels = [_panels(rows[first : last + 1], n) for first, last in pairwise(legs.tolist())]
-    nodes = np.vstack([rows[:1, : 5 + n], *panels])
+    panels = [rows[:1, : 5 + n]]
+    for leg in (rows[first : last + 1] for first, last in pairwise(legs.tolist())):
+        panels.append(_panels(leg, n))
+        differences = _interpolated(leg, panels[-1][:, 0], n, 1) - panels[-1][:, 1:]
+        if np.abs(differences).max() > _ERROR:
+            return None
+    nodes = np.vstack(panels)
     nodes[:, 1:5] /= np.linalg.norm(nodes[:, 1:5], axis=1, keepdims=True)
     return Motion(problem, Ending.COMPLETED, nodes[:, 0], nodes[:, 1:5], nodes[:, 5:])
 
@@ -78,20 +80,18 @@ def _panels(rows: Array, n: int) -> Array:
         edges = np.union1d(edges, (edges[:-1] + edges[1:])[rough] // 2)
 
 
-def _interpolated(rows: Array, times: Array, n: int) -> Array:
+def _interpolated(rows: Array, times: Array, n: int, shift: int = 0) -> Array:
     """Attitudes and joints at times (K,) by Newton's divided differences, shape (K, 4 + n)."""
     interval = np.clip(np.searchsorted(rows[:, 0], times, "right") - 1, 0, len(rows) - 2)
-    first = np.minimum(interval // 2 * 2, len(rows) - 3)
-    ends: IntArray = np.repeat(first[:, None] + np.arange(3), 2, axis=1)
-    t, table, rates = rows[ends, 0], rows[ends, 1 : 5 + n], rows[ends[:, 1:], 5 + n :]
-    coefficients = [table[:, 0]]
+    first = np.clip((interval - shift) // 2 * 2 + shift, 0, len(rows) - 3)
+    ends = rows[np.repeat(first[:, None] + np.arange(3), 2, axis=1)]  # each end counts twice
+    t, table, coefficients = ends[..., 0], ends[..., 1 : 5 + n], [ends[:, 0, 1 : 5 + n]]
     for order in range(1, 6):
         spans = (t[:, order:] - t[:, :-order])[..., None]
-        same = spans == 0.0
-        table = np.diff(table, axis=1) / np.where(same, 1.0, spans)
-        table = np.where(same, rates, table) if order == 1 else table
+        slopes = np.diff(table, axis=1) / np.where(spans == 0.0, 1.0, spans)
+        table = np.where(spans == 0.0, ends[:, order:, 5 + n :], slopes)
         coefficients.append(table[:, 0])
-    values = coefficients[5]
-    for k in range(4, -1, -1):
-        values = values * (times - t[:, k])[:, None] + coefficients[k]
+    values = coefficients.pop()
+    for k, coefficient in reversed(list(enumerate(coefficients))):
+        values = values * (times - t[:, k])[:, None] + coefficient
     return values

@@ -94,7 +94,7 @@ class EnsembleIntegrator:
             moments: With ``extremes``, where the times of the extreme values [s] are written, shape
                 (K, 3 n + 1 + L): of the rate, the smallest and the largest value of each joint,
                 of the spacecraft's rate, then of the slacks.
-            steps: Of one motion, where its steps are written, see :class:`.kernels.records.Motions`.
+            steps: Of one motion, where its steps are written, see :class:`.records.Motions`.
             progress: Called with the fraction done, in [0, 1].
 
         Raises:
@@ -111,8 +111,6 @@ class EnsembleIntegrator:
         columns = 3 * n + 1 + len(self._spares)
         if moments is None:
             moments = np.empty((K if extremes else 0, columns))
-        if steps is None:
-            steps = np.empty((0, 9 + 2 * n))
         motions = Motions(
             self._axes.attitudes(_checked("attitudes", attitudes, (K, 4))),
             _checked("joints", joints[:, :n] if self.problem.arms else joints, (K, n)),
@@ -124,7 +122,7 @@ class EnsembleIntegrator:
             stricter,
             extremes,
             moments,
-            steps,
+            np.empty((0, 1)) if steps is None else steps,
         )
         properties = 0 if robots is None else robots.shape[1]
         result = EnsembleResult.empty((K,), n, len(self._spares))

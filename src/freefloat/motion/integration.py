@@ -167,8 +167,7 @@ def _integrate(
     panels = [row[None]]
     reference = np.zeros(len(row))
     reference[0] = direction
-    short = bool(problem.arms) or any(len(path.path.breaks) for path in problem.path.every)
-    stepper = _Stepper(flow, tolerance, reference, short)
+    stepper = _Stepper(flow, tolerance, reference)
     for leg_start, leg_end in pairwise(times):
         leg = problem.leg(leg_start, leg_end)
         for panel, singular in stepper.panels(panels[-1][-1], leg, leg_end):
@@ -226,15 +225,13 @@ class ArcFlow:
 class _Stepper:
     """Steps of DOP853 along the legs of a motion, between which the path's derivatives may jump.
 
-    Where the path itself has breaks, legs may be as short as one step: then a leg begins with the
-    step that the one before proposed.
+    Legs may be as short as one step: each begins with the step that the one before proposed.
     """
 
-    def __init__(self, flow: ArcFlow, tolerance: float, reference: Array, breaks: bool) -> None:
+    def __init__(self, flow: ArcFlow, tolerance: float, reference: Array) -> None:
         """Prepare; ``reference`` is a tangent (5 + n,) in whose direction to start."""
         self._flow = flow
         self._tolerance = tolerance
-        self._breaks = breaks
         self._reference = reference
         self._direction = float(reference[0])
         self._proposed: float | None = None
@@ -253,9 +250,8 @@ class _Stepper:
         def pace_at(r: float, y: Dense) -> float:
             return sign * float(tangent(r, y(r))[0])
 
-        tolerance = self._tolerance
-        if self._breaks:  # rates are differences of states by the leg's length, and as precise
-            tolerance = max(tolerance * min(abs(goal - y[0]), 1.0), _FINEST)
+        # rates are differences of states by the leg's length, and as precise
+        tolerance = max(self._tolerance * min(abs(goal - y[0]), 1.0), _FINEST)
         solver = scipy.integrate.DOP853(
             tangent, 0.0, y, np.inf, max_step=_LONGEST_STEP, rtol=tolerance, atol=tolerance,
             first_step=self._proposed,
@@ -282,7 +278,7 @@ class _Stepper:
                     lambda r, y: y(r)[0] - goal, solver.t_old, stop, (dense,)
                 )
                 rows = _nodes(dense, solver.t_old, stop)
-                self._proposed = solver.h_abs if self._breaks else None
+                self._proposed = solver.h_abs
             rows[:, 0] *= unit
             yield rows, not arrived and bool(pace <= self._flow.stalled)
             if arrived:

@@ -13,6 +13,7 @@ from freefloat.certificate.certificate import (
     CertifiedMinimum,
     Comparison,
     integrate_again,
+    momentum_scale,
 )
 from freefloat.dynamics.measures import measure_title, singularity_measure
 from freefloat.dynamics.momentum import generalized_jacobian, inertia_matrices
@@ -187,20 +188,15 @@ def _rate_tolerance(motion: Motion) -> float:
 
 def residual_checks(motion: Motion) -> Iterator[Check]:
     """Check a motion by its path and momentum, of a redundant arm also by integrating it again."""
-    problem, residuals = motion.problem, motion.residuals()
+    residuals = motion.residuals()
     distance, angle = path_tolerances(motion)
     yield error_check("end-effector position", residuals.end_effector_position, distance, "m", None)
     turned = residuals.end_effector_orientation
     if turned is not None:
         yield error_check("end-effector orientation", turned, angle, "rad", None)
-    scale, n = problem.system.momentum_bound, problem.model.arm_dof
-    middles = motion.panel_nodes[:, 4]
-    for q, rates in zip(motion.joints[middles], motion.node_rates[:, 4, 3:], strict=True):
-        Dq = inertia_matrices(problem.model, q)[1]
-        scale = max(scale, float(np.linalg.norm(Dq[:, :n] @ rates[:n])))
-    allowed = _MOMENTUM * scale + _rounding(motion)
+    allowed = _MOMENTUM * momentum_scale(motion) + _rounding(motion)
     yield error_check("angular momentum", residuals.momentum, allowed, "N m s", None)
-    if problem.redundant:
+    if motion.problem.redundant:
         yield from _second_checks(integrate_again(motion))
     yield from end_checks(motion)
 
