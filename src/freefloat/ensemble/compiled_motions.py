@@ -22,7 +22,7 @@ from freefloat.so3 import Array
 _TOLERANCE = 1e-10
 """A tenth of it is that of the steps."""
 _STEPS, _ERROR = 8, 1e-9
-"""Largest number of steps in a panel; errors: last coefficients, differences through other steps."""
+"""Most steps of a panel; largest last coefficients and differences through other steps [rad, m]."""
 
 
 def precise_motion(problem: Problem, attitude: Array, joints: Array) -> Motion:
