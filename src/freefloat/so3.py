@@ -246,15 +246,6 @@ def rotated_in_body(attitude: Array, vector: Array) -> Array:
     ]).T  # fmt: skip
 
 
-def rotation_vector_rate(vector: Array, omega: Array) -> Array:
-    """The rates (..., 3) of small rotation vectors in spacecraft axes at angular velocities there.
-
-    The derivative of the exponential is inverted up to the second power of the vector.
-    """
-    first = cross(vector, omega)
-    return omega + first / 2.0 + cross(vector, first) / 12.0
-
-
 def rotation_vector_between(start: npt.ArrayLike, end: npt.ArrayLike) -> Array:
     """The rotation vectors [rad] from rotations (3, 3) or (K, 3, 3) to others, (3,) or (K, 3)."""
     difference = np.asarray(end) @ np.asarray(start).swapaxes(-1, -2)

@@ -1,9 +1,8 @@
 """The certificate of a motion: its errors and margins, from recorded configurations alone.
 
-It includes a second integration by an independent integrator: fixed steps in time, fourth order, on
-the group of rotations itself (Munthe-Kaas 1998). The attitude is advanced by the exponential of a
-rotation vector and needs no normalization. The main integrator takes adaptive steps of eighth order
-along the arc length, in quaternions.
+It includes a second integration by the reference engine: Pinocchio's matrices and SciPy's method of
+eighth order, with a stricter tolerance. The kernels' motions come from other kinematics, and from
+another method, of fifth order.
 """
 
 from __future__ import annotations
@@ -17,25 +16,17 @@ from freefloat.certificate.bounds import METHOD, Bounds, lower_bounds
 from freefloat.dynamics.measures import singularity_measure
 from freefloat.dynamics.momentum import inertia_matrices
 from freefloat.motion.extrema import closest_approach
+from freefloat.motion.integration import motion_from
 from freefloat.motion.motion import Ending, Motion
 from freefloat.motion.panels import DEGREE, NODES, with_slopes
 from freefloat.motion.residuals import path_errors
-from freefloat.rotations import rotation_matrix
-from freefloat.so3 import (
-    Array,
-    IntArray,
-    rotated_in_body,
-    rotation_vector_between,
-    rotation_vector_rate,
-    turned,
-)
+from freefloat.so3 import Array, IntArray, angle_between, turned
 
-_INTEGRATOR = "Munthe-Kaas Runge-Kutta of fourth order on SO(3), fixed steps in time"
+_INTEGRATOR = "Pinocchio and SciPy's DOP853"
+_TOLERANCE = 1e-11
 _BEFORE_SINGULAR, _MOMENT = 2, 1e-3
 """Number of panels before a singularity that are omitted, and part of the duration in which others
 are, too: the rates by time have no bound there."""
-_DIFFERENCE = 1e-6
-"""Difference of attitude or joints [rad, m] by which rates are differentiated."""
 
 
 @dataclass(frozen=True)
@@ -78,9 +69,6 @@ class Comparison:
         joints: Largest difference of a joint [rad or m].
         joints_time: Its time [s].
         joint: Name of that joint.
-        halving_attitude: Change of the last attitude when steps are halved [rad].
-        halving_joints: Change of the last joint values [rad or m].
-        steps: Number of the halved steps.
         until: Time at which the comparison ends [s].
     """
 
@@ -89,9 +77,6 @@ class Comparison:
     joints: float
     joints_time: float
     joint: str
-    halving_attitude: float
-    halving_joints: float
-    steps: int
     until: float
 
 
@@ -152,7 +137,7 @@ def certify(motion: Motion) -> Certificate:
         if motion.problem.task.prescribes_orientation
         else None,
         momentum=_worst(motion.momentum_errors(u), times),
-        momentum_scale=_momentum_scale(motion),
+        momentum_scale=momentum_scale(motion),
         rates=_rate_errors(motion),
         integration=integrate_again(motion),
     )
@@ -196,7 +181,7 @@ def _regular_panels(motion: Motion) -> int:
     return max(0, min(before, motion.panels - _BEFORE_SINGULAR))
 
 
-def _momentum_scale(motion: Motion) -> float:
+def momentum_scale(motion: Motion) -> float:
     """See :attr:`Certificate.momentum_scale`."""
     scale, n = motion.problem.system.momentum_bound, motion.problem.model.arm_dof
     _, states, slopes = _with_slopes(motion)
@@ -226,90 +211,21 @@ def _certified_minima(motion: Motion) -> tuple[tuple[CertifiedMinimum, ...], int
 
 
 def integrate_again(motion: Motion) -> Comparison:
-    """Integrate a motion from its first state with steps from node to node, whole and halved.
-
-    The steps begin at the recorded nodes, all at once. Their errors are carried on to later nodes
-    by the linearized equations, which errors far below one follow.
-
-    Args:
-        motion: The motion; of one that ends singular, the last panels are omitted.
-    """
-    panels = _regular_panels(motion)
-    carried = _transitions(motion, panels)
-    whole, halved = (_carried(carried, _step_errors(motion, panels, parts)) for parts in (1, 2))
-    times = motion.times[: DEGREE * panels + 1]
-    angles, differences = np.linalg.norm(halved[:, :3], axis=1), np.abs(halved[:, 3:])
-    node, joint = np.unravel_index(int(differences.argmax()), differences.shape)
-    change = halved[-1] - whole[-1]
+    """Compare a motion, but its last panels before a singularity, with the reference engine's."""
+    count = DEGREE * _regular_panels(motion) + 1
+    times, first = motion.times[:count], motion.initial
+    node = np.concatenate([times[:1], first.attitude, first.joints])
+    again = motion_from(motion.problem, node, float(times[-1]), _TOLERANCE)
+    known = np.clip(times, *sorted((times[0], again.final.time)))
+    _, attitudes, joints = again.evaluate(again.coordinates_at(known))
+    angles = angle_between(attitudes, motion.attitudes[:count])
+    differences = np.abs(joints - motion.joints[:count])
+    latest, joint = np.unravel_index(int(differences.argmax()), differences.shape)
     return Comparison(
         attitude=float(angles.max()),
         attitude_time=float(times[angles.argmax()]),
         joints=float(differences.max()),
-        joints_time=float(times[node]),
+        joints_time=float(times[latest]),
         joint=motion.problem.model.joint_names[joint],
-        halving_attitude=float(np.linalg.norm(change[:3])),
-        halving_joints=float(np.abs(change[3:]).max()),
-        steps=2 * DEGREE * panels,
         until=float(times[-1]),
     )
-
-
-def _carried(transitions: Array, errors: Array) -> Array:
-    """Errors at the nodes (N, 3 + n) that errors of the steps between them add up to."""
-    total = [np.zeros(transitions.shape[2])]
-    for transition, error in zip(transitions, errors, strict=True):
-        total.append(transition @ total[-1] + error)
-    return np.array(total)
-
-
-def _step_errors(motion: Motion, panels: int, parts: int) -> Array:
-    """Errors of every node when ``parts`` steps lead to it from the node before, (N - 1, 3 + n).
-
-    They are rotation vectors of the spacecraft in its own axes and differences of joints.
-    """
-    problem, last = motion.problem, DEGREE * panels
-    solver = problem.resolved_rate_solver()
-    segments = np.repeat(motion.timing_segment(np.arange(panels)), DEGREE)
-    h = np.diff(motion.times[: last + 1])[:, None] / parts
-    attitudes = motion.attitudes[:last]
-    z = np.hstack([np.zeros((last, 3)), motion.joints[:last]])
-
-    def rates(part: float, z: Array) -> Array:
-        """Rates of z: the rotation vector (the exponential's derivative inverted) and joints."""
-        prescribed = problem.prescribed(motion.times[:last] + part * h[:, 0], segments)
-        states = rotated_in_body(attitudes, z[:, :3])
-        omega, joint_rates = solver.rates(states, z[:, 3:], *prescribed)
-        return np.hstack([rotation_vector_rate(z[:, :3], omega), joint_rates])
-
-    for part in range(parts):
-        k1 = rates(part, z)
-        k2 = rates(part + 0.5, z + h / 2.0 * k1)
-        k3 = rates(part + 0.5, z + h / 2.0 * k2)
-        k4 = rates(part + 1.0, z + h * k3)
-        z = z + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
-        attitudes, z[:, :3] = rotated_in_body(attitudes, z[:, :3]), 0.0
-    recorded = slice(1, last + 1)
-    turns = rotation_vector_between(*map(rotation_matrix, (motion.attitudes[recorded], attitudes)))
-    turns = turned(rotation_matrix(attitudes).swapaxes(1, 2), turns)
-    return np.hstack([turns, z[:, 3:] - motion.joints[recorded]])
-
-
-def _transitions(motion: Motion, panels: int) -> Array:
-    """Derivatives of the errors at nodes by those at the nodes before, shape (N - 1, d, d).
-
-    They follow from the derivatives F of the rates by the errors: (1 - h F / 2)^-1 (1 + h F / 2).
-    """
-    problem, count = motion.problem, DEGREE * panels + 1
-    times, attitudes, joints = (x[:count] for x in (motion.times, motion.attitudes, motion.joints))
-    n, base = joints.shape[1], np.zeros((1, 3 + joints.shape[1]))
-    moved = np.concatenate([base, _DIFFERENCE * np.eye(3 + n)])
-    moved = np.repeat(moved, count, axis=0)
-    attitudes = rotated_in_body(np.tile(attitudes, (4 + n, 1)), moved[:, :3])
-    joints = np.tile(joints, (4 + n, 1)) + moved[:, 3:]
-    prescribed = problem.prescribed(np.tile(times, 4 + n))
-    solved = problem.resolved_rate_solver().rates(attitudes, joints, *prescribed)
-    rates = np.hstack(solved).reshape(4 + n, count, 3 + n)
-    F = np.moveaxis((rates[1:] - rates[0]) / _DIFFERENCE, 0, -1)
-    F[:, :3, :3] -= np.cross(np.eye(3), rates[0, :, None, :3])
-    half = np.diff(times)[:, None, None] / 4.0 * (F[1:] + F[:-1])
-    return np.asarray(np.linalg.solve(np.eye(3 + n) - half, np.eye(3 + n) + half))

@@ -18,7 +18,6 @@ from freefloat.ensemble.result import EnsembleResult
 from freefloat.ensemble.systems import Systems
 from freefloat.ensemble.tolerances import STEP_TOLERANCE
 from freefloat.errors import InputError, finite_number, whole_number
-from freefloat.lockstep.lanes import WIDTH
 from freefloat.motion.margin import ROUNDING
 from freefloat.motion.pointing import AttitudeLimits
 from freefloat.motion.problem import Problem
@@ -26,8 +25,8 @@ from freefloat.so3 import Array
 
 _CHUNK = 1024
 """Largest number of motions between two reports of progress or checks for an interruption."""
-_CHUNKS = 2
-"""Chunks for each thread of few motions: at the end of each, lanes are idle."""
+_FEWEST = 64
+"""Smallest number of motions of a thread: at the end of its work, lanes are idle."""
 
 
 class EnsembleIntegrator:
@@ -74,6 +73,7 @@ class EnsembleIntegrator:
         stricter: bool = False,
         extremes: bool = False,
         moments: Array | None = None,
+        steps: Array | None = None,
         progress: Progress | None = None,
     ) -> EnsembleResult:
         """Integrate the motions along the path from many states.
@@ -94,6 +94,7 @@ class EnsembleIntegrator:
             moments: With ``extremes``, where the times of the extreme values [s] are written, shape
                 (K, 3 n + 1 + L): of the rate, the smallest and the largest value of each joint,
                 of the spacecraft's rate, then of the slacks.
+            steps: Of one motion, where its steps are written, see :class:`.records.Motions`.
             progress: Called with the fraction done, in [0, 1].
 
         Raises:
@@ -121,10 +122,11 @@ class EnsembleIntegrator:
             stricter,
             extremes,
             moments,
+            np.empty((0, 1)) if steps is None else steps,
         )
         properties = 0 if robots is None else robots.shape[1]
         result = EnsembleResult.empty((K,), n, len(self._spares))
-        chunk = min(_CHUNK, max(-(-K // (_CHUNKS * self.threads)), 4 * WIDTH))
+        chunk = min(_CHUNK, max(-(-K // self.threads), _FEWEST))
 
         def integrate_chunk(first: int) -> None:
             integrate_many(

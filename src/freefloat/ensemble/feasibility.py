@@ -28,8 +28,8 @@ _REDUCTION = 4
 """Reduction of the number of attitudes in searches whose arm branches have no closed form."""
 _AMPLE = 1e9
 """Largest multiple of a margin, which may be zero."""
-_MOST, _FEWEST, _CHUNKS = 512, 16, 2
-"""Numbers of attitudes whose arm branches a thread looks for at once, and of such chunks of it."""
+_MOST, _FEWEST = 512, 64
+"""Largest and smallest number of attitudes whose arm branches a thread looks for at once."""
 _ATTITUDE_SIZE, _MOTION_SIZE, _JOINT_SIZE = 500, 200, 40
 """Memory of a map for an attitude, for each of its motions, and for each joint of these, with the
 copies made of it [bytes]."""
@@ -112,7 +112,7 @@ class FeasibilityEvaluator:
             progress: Called with the fraction done, in [0, 1].
         """
         count = len(attitudes)
-        size = min(_MOST, max(-(-count // (_CHUNKS * self.threads)), _FEWEST))
+        size = min(_MOST, max(-(-count // self.threads), _FEWEST))
         threshold = self.problem.margin.threshold if stop_at_margin else 0.0
         parts: dict[int, BranchResults] = {}
 

@@ -85,15 +85,25 @@ def integrate_motion(
     tolerance = finite_number("tolerance", tolerance, accepted, _FINEST, _ROUGHEST)
     end = problem.path.duration if end is None else end
     first = _first_node(problem, attitude, joints, start, end)
-    rows, ending = _integrate(problem, ArcFlow(problem), first, end, tolerance)
-    rows[:, 5 + problem.model.arm_dof :] = problem.arms.at(rows[:, 0])
-    motion = Motion(problem, ending, rows[:, 0], rows[:, 1:5], rows[:, 5:])
-    if not problem.redundant:  # det S* has a sign
-        determinant = partial(generalized_determinant, problem.model, task=problem.task)
-        motion = _cut(motion, determinant, 0.0, Ending.SINGULAR)
+    motion = motion_from(problem, first, end, tolerance)
     if stop_at_margin and problem.margin.threshold:
         motion = _cut(motion, problem.margin.measure, problem.margin.threshold, Ending.MARGIN)
     return motion
+
+
+def motion_from(problem: Problem, node: Array, end: float, tolerance: float) -> Motion:
+    """The motion from time, attitude and joints (5 + n,), which are not checked, to a time [s].
+
+    Raises:
+        IntegrationError: If the integrator fails for a reason other than a singularity.
+    """
+    rows, ending = _integrate(problem, ArcFlow(problem), node, end, tolerance)
+    rows[:, 5 + problem.model.arm_dof :] = problem.arms.at(rows[:, 0])
+    motion = Motion(problem, ending, rows[:, 0], rows[:, 1:5], rows[:, 5:])
+    if problem.redundant:
+        return motion
+    determinant = partial(generalized_determinant, problem.model, task=problem.task)
+    return _cut(motion, determinant, 0.0, Ending.SINGULAR)  # det S* has a sign
 
 
 def _first_node(
@@ -152,8 +162,7 @@ def _integrate(
     panels = [row[None]]
     reference = np.zeros(len(row))
     reference[0] = direction
-    short = bool(problem.arms) or any(len(path.path.breaks) for path in problem.path.every)
-    stepper = _Stepper(flow, tolerance, reference, short)
+    stepper = _Stepper(flow, tolerance, reference)
     for leg_start, leg_end in pairwise(times):
         leg = problem.leg(leg_start, leg_end)
         for panel, singular in stepper.panels(panels[-1][-1], leg, leg_end):
@@ -211,15 +220,13 @@ class ArcFlow:
 class _Stepper:
     """Steps of DOP853 along the legs of a motion, between which the path's derivatives may jump.
 
-    Where the path itself has breaks, legs may be as short as one step: then a leg begins with the
-    step that the one before proposed.
+    Legs may be as short as one step: each begins with the step that the one before proposed.
     """
 
-    def __init__(self, flow: ArcFlow, tolerance: float, reference: Array, breaks: bool) -> None:
+    def __init__(self, flow: ArcFlow, tolerance: float, reference: Array) -> None:
         """Prepare; ``reference`` is a tangent (5 + n,) in whose direction to start."""
         self._flow = flow
         self._tolerance = tolerance
-        self._breaks = breaks
         self._reference = reference
         self._direction = float(reference[0])
         self._proposed: float | None = None
@@ -238,9 +245,8 @@ class _Stepper:
         def pace_at(r: float, y: Dense) -> float:
             return sign * float(tangent(r, y(r))[0])
 
-        tolerance = self._tolerance
-        if self._breaks:  # rates are differences of states by the leg's length, and as precise
-            tolerance = max(tolerance * min(abs(goal - y[0]), 1.0), _FINEST)
+        # rates are differences of states by the leg's length, and as precise
+        tolerance = max(self._tolerance * min(abs(goal - y[0]), 1.0), _FINEST)
         solver = scipy.integrate.DOP853(
             tangent, 0.0, y, np.inf, max_step=_LONGEST_STEP, rtol=tolerance, atol=tolerance,
             first_step=self._proposed,
@@ -267,7 +273,7 @@ class _Stepper:
                     lambda r, y: y(r)[0] - goal, solver.t_old, stop, (dense,)
                 )
                 rows = _nodes(dense, solver.t_old, stop)
-                self._proposed = solver.h_abs if self._breaks else None
+                self._proposed = solver.h_abs
             rows[:, 0] *= unit
             yield rows, not arrived and bool(pace <= self._flow.stalled)
             if arrived:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from freefloat.dynamics.redundancy import Redundancy
+from freefloat.ensemble.compiled_motions import precise_motion
 from freefloat.ik.branches import ArmBranch
 from freefloat.limits.result import LimitResult
 from freefloat.motion.extrema import ClosestApproach, closest_approach, unwrapped
@@ -90,7 +91,7 @@ class SimulatedBranch:
 def integrate_branch(problem: Problem, attitude: Array, branch: int) -> SimulatedBranch:
     """The motion of the arm branch with a number, which exists at the attitude (4,)."""
     start = next(entry for entry in problem.branches(attitude) if entry.index == branch)
-    return integrate_from(problem, attitude, start)
+    return simulated_branch(start, precise_motion(problem, attitude, start.joints))
 
 
 def integrate_from(

@@ -60,8 +60,6 @@ _RULES = {
     "rates.value": _ERROR,
     "integration.attitude": _ERROR,
     "integration.joints": _ERROR,
-    "integration.halving_attitude": _ERROR,
-    "integration.halving_joints": _ERROR,
     "limit_results.base_wrench": _ERROR,
     "end_effector_position.time": _ANY,
     "end_effector_orientation.time": _ANY,

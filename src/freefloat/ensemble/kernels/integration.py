@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from freefloat.ensemble.endings import COMPLETED, FAILED, MARGIN, SINGULAR
+from freefloat.ensemble.endings import COMPLETED, FAILED, MARGIN, MAX_STEPS, SINGULAR
 from freefloat.ensemble.kernels.cones import LOWEST as LEAST_SLACK
 from freefloat.ensemble.kernels.cones import LOWEST_AT as SLACK_AT
 from freefloat.ensemble.kernels.extents import evaluate_peaks
@@ -48,7 +48,6 @@ if TYPE_CHECKING:
 _CONTINUES = -1
 _FIRST_STEP, _FIRST_ERROR = 0.02, 1e-4
 """Length of the first step, in units of the duration, and error of the one before it."""
-_MAX_STEPS = 20_000
 _SMALL, _UNDECIDED, _GRAZING = 0.15, 0.9, 1e-5
 """Fractions: of the maximum of the measure and of the margin, below and above which a minimum is
 undecided; of the largest det S*, below which a motion may pass a singularity closely."""
@@ -71,52 +70,49 @@ def integrate_many(
     """
     work = workspace_in_tables(workspace)
     problem = problem_in_tables(problem, motions.robots, work)
-    waiting, repeated = beyond - first, 0
-    begun = _STRICTER if motions.stricter else 1.0
-    queue, factors = np.arange(first, beyond), np.full(waiting, begun)
-    again, stricter = np.empty(waiting, np.int64), np.empty(waiting)
-    owners, steps = np.empty(WIDTH, np.int64), np.empty(WIDTH, np.int64)
-    peaks = np.empty((waiting, len(workspace.peaks)))
-    for repeats in (True, False):
-        following = busy = min(WIDTH, waiting)
-        for lane in range(following):
-            owners[lane], steps[lane] = queue[lane], 0
-            load_motion(problem, motions, queue[lane], lane, factors[lane] * tolerance, work)
-        for lane in range(following, WIDTH):
-            owners[lane] = -1
-        while busy > 0:
-            arrived, singular = attempt(problem, motions.extremes, work)
-            below = bits(work.status[LOWEST] < motions.stop_below)
-            for lane in range(WIDTH):
-                k, bit = owners[lane], 1 << lane
-                if k < 0:
-                    continue
-                steps[lane] += 1
-                ending = _CONTINUES
-                if singular & bit:
-                    ending = SINGULAR
-                elif below & bit:
-                    ending = MARGIN
-                elif arrived & bit or steps[lane] == 1:
-                    ending = go_on(problem, motions.goals[k], arrived & bit != 0, lane, work)
-                elif steps[lane] > _MAX_STEPS:
-                    ending = FAILED
-                if ending == _CONTINUES:
-                    continue
-                store(problem, motions, k, lane, ending, steps[lane], work, peaks[k - first], out)
-                factor = stricter_factor(motions, k, lane, work, out) if repeats else 1.0
-                if factor < begun:
-                    again[repeated], stricter[repeated] = k, factor
-                    repeated += 1
-                owners[lane], steps[lane] = -1, 0
-                if following == waiting:
-                    busy -= 1
-                    continue
-                owners[lane] = queue[following]
-                factor = factors[following] * tolerance
-                load_motion(problem, motions, owners[lane], lane, factor, work)
-                following += 1
-        queue, factors, waiting = again, stricter, repeated
+    begun, following = _STRICTER if motions.stricter else 1.0, min(first + WIDTH, beyond)
+    busy, recorded = following - first, 0
+    owners, steps = np.full(WIDTH, -1), np.zeros(WIDTH, np.int64)
+    factors, peaks = np.full(WIDTH, begun), np.empty((beyond - first, len(workspace.peaks)))
+    for lane in range(busy):
+        owners[lane] = first + lane
+        load_motion(problem, motions, owners[lane], lane, begun * tolerance, work)
+    while busy > 0:
+        accepted, arrived, singular = attempt(problem, motions.extremes, work)
+        below = bits(work.status[LOWEST] < motions.stop_below)
+        for lane in range(WIDTH):
+            k, bit = owners[lane], 1 << lane
+            if k < 0:
+                continue
+            steps[lane] += 1
+            if accepted & bit and len(motions.steps) > 0:
+                recorded += 1
+                record_step(problem, motions.steps[recorded], lane, work)
+            ending = _CONTINUES
+            if singular & bit:
+                ending = SINGULAR
+            elif below & bit:
+                ending = MARGIN
+            elif arrived & bit or steps[lane] == 1:
+                ending = go_on(problem, motions.goals[k], arrived & bit != 0, lane, work)
+            elif steps[lane] > MAX_STEPS:
+                ending = FAILED
+            if ending == _CONTINUES:
+                continue
+            store(problem, motions, k, lane, ending, steps[lane], work, peaks[k - first], out)
+            steps[lane] = 0
+            if len(motions.steps) > 0:
+                motions.steps[0, 0], recorded = recorded, 0
+            again = stricter_factor(motions, k, lane, work, out) if factors[lane] == begun else 1.0
+            factors[lane] = begun
+            if again < begun:
+                factors[lane] = again
+            elif following < beyond:
+                owners[lane], following = following, following + 1
+            else:
+                owners[lane], busy = -1, busy - 1
+                continue
+            load_motion(problem, motions, owners[lane], lane, factors[lane] * tolerance, work)
     if motions.extremes:
         evaluate_peaks(problem, motions, first, peaks, work, out)
 
@@ -197,6 +193,16 @@ def go_on(problem: Problem, goal: float, arrived: bool, lane: int, work: Workspa
     set_lane(status, STEP, lane, get_lane(status, STEP, lane) / pace)
     set_lane(status, BY_TIME, lane, 0.0)
     return _CONTINUES
+
+
+@inner
+def record_step(problem: Problem, row: Array, lane: int, work: Workspace) -> None:
+    """Write a row of ``Motions.steps``."""
+    count, K = 4 + problem.robot.n, work.K
+    row[0] = get_lane(work.y, count, lane)
+    for j in range(count):
+        row[1 + j] = get_lane(work.y, j, lane)
+        row[1 + count + j] = get_lane(K, j, lane) / get_lane(K, count, lane)
 
 
 @inner

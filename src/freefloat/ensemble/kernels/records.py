@@ -102,6 +102,8 @@ class Motions(NamedTuple):
     stricter: bool  # whether all begin with the tolerance of those with small minima
     extremes: bool  # whether extreme values are those between the ends of steps, too
     moments: Array  # their times, see ``EnsembleIntegrator.integrate``; empty where not asked for
+    steps: Array  # of the only motion: their number, then at the ends of steps time, attitude and
+    # joints, and the rates of these, in units of the duration, (M, 9 + 2 n); may be empty
 
 
 class Workspace(NamedTuple):

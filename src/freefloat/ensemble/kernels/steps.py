@@ -56,7 +56,7 @@ _SHORTEST_STEP, _SINGULAR_STEP = 1e-11, 1e-7
 
 
 @inner
-def attempt(problem: Problem, extremes: bool, work: Workspace) -> tuple[int, int]:
+def attempt(problem: Problem, extremes: bool, work: Workspace) -> tuple[int, int, int]:
     """Attempt one step of each motion.
 
     Args:
@@ -65,8 +65,8 @@ def attempt(problem: Problem, extremes: bool, work: Workspace) -> tuple[int, int
         work: Workspace.
 
     Returns:
-        Bits of the motions that arrived at the end of their segment, and of those that ended at a
-        singularity.
+        Bits of the motions that took the step, of those that arrived at the end of their segment,
+        and of those that ended at a singularity.
     """
     robot, measure, status, n = problem.robot, problem.measure, work.status, problem.robot.n
     fresh = status[FRESH] > 0.0
@@ -98,7 +98,7 @@ def attempt(problem: Problem, extremes: bool, work: Workspace) -> tuple[int, int
     ended = ended | (accepted & (status[LOWEST] <= 0.0))
     if robot.m < n:
         ended = ended | (accepted & (status[SPEED] > robot.singular_speed))
-    return bits(accepted & whole), bits(ended)
+    return bits(accepted), bits(accepted & whole), bits(ended)
 
 
 @inlined

@@ -1,0 +1,54 @@
+"""Precise motions by the kernels are those of the reference engine."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import freefloat as ff
+from freefloat.ensemble.compiled_motions import precise_motion
+from freefloat.motion.problem import Problem
+from freefloat.so3 import Array
+from tests.motions import GOOD, bundled
+
+
+def dense(motion, count: int = 301) -> Array:
+    """Attitudes and joints at evenly spread times, shape (count, 4 + n)."""
+    states = motion.sample(np.linspace(0.0, motion.final.time, count))
+    return np.array([[*state.attitude, *state.joints] for state in states])
+
+
+def starts(name: str) -> tuple[Problem, Array, Array]:
+    """A problem with a start whose motion completes."""
+    problem = bundled(name)
+    attitude = np.array({"spatial_6dof/line": GOOD}.get(name, [0.0, 0.0, 0.0, 1.0]))
+    attitude = attitude / np.linalg.norm(attitude)
+    if problem.task.planar:
+        attitude = problem.plane.attitudes(np.radians(200.0))
+    branches = problem.branches(attitude)
+    return problem, attitude, branches[0].joints
+
+
+@pytest.mark.parametrize(
+    "name", ["spatial_6dof/line", "panda_servicer/line", "planar_3dof/parabola"]
+)
+def test_a_trajectory_is_that_of_the_reference_engine_at_any_time(name: str) -> None:
+    """The paths of the planar case rest in between, where the time law has a break."""
+    problem, attitude, joints = starts(name)
+    motion = precise_motion(problem, attitude, joints)
+    exact = ff.integrate_motion(problem, attitude, joints, tolerance=1e-12)
+    assert motion.completed
+    assert len(motion.times) != len(exact.times)  # it is the kernels'
+    np.testing.assert_allclose(dense(motion), dense(exact), rtol=0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize("branch", [0, 1])
+def test_singular_motions_and_those_that_nearly_are_come_from_the_reference_engine(
+    planar: Problem, branch: int
+) -> None:
+    """The first ends singular, rates of the second reach 45 rad/s."""
+    attitude = planar.plane.attitudes(np.radians(140.0))
+    joints = planar.branches(attitude)[branch].joints
+    motion, exact = (f(planar, attitude, joints) for f in (precise_motion, ff.integrate_motion))
+    assert motion.completed == (branch == 1)
+    np.testing.assert_array_equal(motion.joints, exact.joints)
