@@ -81,7 +81,7 @@ def forgeries(value: Any) -> list[Any]:
     if isinstance(value, str):
         return [value + "x"]
     if isinstance(value, int):
-        return [value + 1, 10 * value + 3, -value - 1]
+        return [value + 1, -value - 1]
     if isinstance(value, float):
         return numbers(value)
     if isinstance(value, np.ndarray):
@@ -99,7 +99,7 @@ def forgeries(value: Any) -> list[Any]:
 def numbers(value: float) -> list[float]:
     if not math.isfinite(value):
         return []
-    return [1.01 * value, 10.0 * value, -value] if value else [0.5]
+    return [1.01 * value, -value] if value else [0.5]
 
 
 def with_number(values: Any, n: int, new: float) -> Any:
@@ -190,7 +190,9 @@ def test_every_forged_value_is_denied_or_named(kind: str) -> None:
     judge = compared(kind)
     assert judge(result(kind)).passed
     places = [pair for pair in leaves(result(kind)) if pair[0][-2:-1] != ("motion",)]
-    most = 1 if kind == "manoeuvre" else 3  # whose phases are other kinds of results
+    if kind == "manoeuvre":  # its phases are other kinds of results
+        places = [pair for k, pair in enumerate(places) if len(pair[0]) < 3 or k % 3 == 0]
+    most = 1 if kind in (*SMALL, "manoeuvre") else 2
     tried = [
         (place, new)
         for place, value in places
