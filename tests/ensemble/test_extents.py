@@ -88,8 +88,7 @@ def test_examples(name: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [1, 2])
-@pytest.mark.parametrize("redundancy", [None, NULL_SPACE])
+@pytest.mark.parametrize(("redundancy", "seed"), [(None, 1), (NULL_SPACE, 2)])
 @pytest.mark.parametrize(
     ("structure", "task"),
     [("RRRRRRR", ff.Task.POSE), ("RRRPRRRR", ff.Task.POSE), ("RPRR", ff.Task.POSITION),

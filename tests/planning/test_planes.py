@@ -34,8 +34,9 @@ def headings(plan: ff.Plan) -> list[list[float]]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("arm", ARMS)
-@pytest.mark.parametrize("direction", ["x", "y", "oblique"])
+@pytest.mark.parametrize(
+    ("direction", "arm"), [("x", "prismatic"), ("y", "redundant"), *(("oblique", a) for a in ARMS)]
+)
 def test_plans_are_those_of_the_arm_about_z(direction: str, arm: str, tmp_path: Path) -> None:
     """Ranges, chosen heading, margin and tolerance; files of them are verified."""
     (_, level), (_, plan) = planned(direction, arm)
@@ -54,7 +55,7 @@ def test_plans_are_those_of_the_arm_about_z(direction: str, arm: str, tmp_path: 
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("direction", ["x", "y", "oblique"])
+@pytest.mark.parametrize("direction", ["y", "oblique"])
 def test_ensembles_are_those_of_the_arm_about_z(direction: str) -> None:
     """With wheels, momenta and masses that differ."""
     margins = []
@@ -133,7 +134,7 @@ def test_axes_of_rounded_right_angles_are_accepted() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("direction", ["x", "y", "oblique"])
+@pytest.mark.parametrize("direction", ["x", "oblique"])
 def test_ranges_within_pointing_limits_are_those_of_the_arm_about_z(direction: str) -> None:
     """An axis of the spacecraft stays in a cone, one of the end-effector outside another."""
     found = []

@@ -141,28 +141,27 @@ def test_a_plan_that_tolerates_no_other_momentum_is_verified() -> None:
     assert ff.check(plan).passed
 
 
-@pytest.mark.parametrize("samples", [64, 256])
-def test_violations_lead_to_narrow_cones_from_anywhere(samples: int) -> None:
-    """Without a present attitude no sample is feasible, whatever their number."""
+def test_violations_lead_to_narrow_cones_from_anywhere() -> None:
+    """Without a present attitude no sample is feasible."""
     problem = bundled("ets_vii/line")
     motion = ff.simulate(problem, IDENTITY, limits=ff.Limits()).motion
     limits = cone(problem, motion, np.array([0.48, 0.6, 0.64]), 1.2)
-    plan = ff.plan(problem, ff.Search(samples=samples), limits)
+    plan = ff.plan(problem, ff.Search(samples=64), limits)
     assert plan.map.feasible_fraction == 0.0
     require_kept(plan)
 
 
-@pytest.mark.parametrize("objective", ["still", "nearest"])
-def test_violations_lead_the_search_of_redundant_arms(objective: str) -> None:
+def test_violations_lead_the_search_of_redundant_arms() -> None:
     """Where the spacecraft may turn by 2.46 degrees, no one of 1,024 samples is feasible."""
     problem = bundled("panda_servicer/line")
     limits = ff.Limits(base_turn=np.radians(2.46))
-    plan = ff.plan(problem, ff.Search(objective, IDENTITY, 1024), limits)
+    plan = ff.plan(problem, ff.Search("still", IDENTITY, 1024), limits)
     require_kept(plan)
 
 
-@pytest.mark.parametrize("measure", ["gjm", "system"])
-@pytest.mark.parametrize("objective", [*NAMED])
+@pytest.mark.parametrize(
+    ("objective", "measure"), [("nearest", "gjm"), *((name, "system") for name in NAMED)]
+)
 def test_narrow_ranges_of_headings_contain_the_present_one(objective: str, measure: str) -> None:
     """Joints that are given and a cone leave less than half a degree between two samples."""
     problem = bundled("planar_2dof/line")

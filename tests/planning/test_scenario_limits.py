@@ -34,8 +34,8 @@ def names(results: Any) -> set[str]:
 
 @pytest.mark.slow
 def test_two_lines_of_python_and_the_command_find_the_same() -> None:
-    shown = document("plan", "servicing/inspect_client")
-    loaded = ff.load_scenario("servicing/inspect_client")
+    shown = document("plan", LINE)
+    loaded = ff.load_scenario(LINE)
     plan = ff.plan(loaded.problem(), loaded.search())
     assert plan.feasible is shown["feasible"] is True
     assert plan.reason == shown["reason"]
@@ -44,8 +44,6 @@ def test_two_lines_of_python_and_the_command_find_the_same() -> None:
     assert [result.limit for result in plan.limit_results] == [
         entry["limit"] for entry in shown["limits"]
     ]
-    turn = next(entry for entry in plan.limit_results if entry.limit == "base_turn")
-    assert turn.worst <= turn.bound == pytest.approx(np.radians(5.0))
 
 
 @pytest.mark.slow

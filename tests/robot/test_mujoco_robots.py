@@ -16,7 +16,7 @@ from freefloat.robot.parts import Attachment
 from tests.commands import document, error, run
 from tests.errors import error_key
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.usefixtures("readers_here")
 ARM = """<body name="upper" pos="0.5 0 0" euler="10 20 30">
   <joint name="q1" axis="0 0 1" pos="0.1 0 0" range="-180 180"/>
   <geom type="capsule" size="0.05 0.3" pos="0.3 0 0" euler="0 90 0" mass="5"/>

@@ -7,7 +7,7 @@ from itertools import product
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import brentq
 
@@ -54,7 +54,6 @@ def test_values_are_those_of_the_matrices(name: str) -> None:
 
 
 @pytest.mark.slow
-@settings(max_examples=20)
 @given(robot=robots(st.text("RP", min_size=6, max_size=6)), seed=st.integers(0, 2**32 - 1))
 def test_values_are_those_of_the_matrices_of_random_robots(robot: object, seed: int) -> None:
     model = ff.FreeFloatingModel.from_urdf(robot.text, robot.end_effector)

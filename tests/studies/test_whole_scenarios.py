@@ -143,7 +143,7 @@ def test_paths_in_the_frame_of_the_spacecraft_begin_where_each_robot_has_it(
         path |= {"line": {"from": [0.6, 0.1, 0.4], "to": [0.35, 0.35, 0.5]}}
     study = a_spatial_study(tmp_path, vary, base=BASE | {"path": path}, **keys)
     assert why_run_by_run(study) is None
-    rows, pairs = rows_and_simulations(study, tmp_path / "out", 5)
+    rows, pairs = rows_and_simulations(study, tmp_path / "out", 12)
     assert {str(row["decided_by"]).split()[0] for row in rows} == {"ensemble"}
     for row, simulation in pairs:
         assert_same(row, simulation)
@@ -169,7 +169,7 @@ def test_rates_turn_and_pointing_are_limited_without_precise_motions(
     base = BASE | {"limits": LIMITS}
     study = a_spatial_study(tmp_path, vary, base=base, cases=200, **keys)
     assert why_run_by_run(study) is None
-    rows, pairs = rows_and_simulations(study, tmp_path / "out", 10)
+    rows, pairs = rows_and_simulations(study, tmp_path / "out", 25)
     reasons = " ".join({row["reason"] for row in rows})
     for name in (*KNOWN, "margin"):
         assert name in reasons
@@ -228,7 +228,7 @@ def test_limits_of_planar_arms_and_those_that_only_precise_motions_show(tmp_path
     reason = str(why_run_by_run(study))
     assert "corridor" in reason
     assert "joint_rate" not in reason
-    rows, pairs = rows_and_simulations(study, tmp_path / "out", 2)
+    rows, pairs = rows_and_simulations(study, tmp_path / "out", 5)
     assert {row["decided_by"] for row in rows} > {"motion"}
     for row in rows:
         kept = row["completed"] and row["margin"] >= row["margin_required"]
@@ -250,7 +250,7 @@ def test_limits_choose_the_arm_branch_of_the_unvaried_motion_at_each_heading(
     rows = list(run_study(study, tmp_path / "out", workers=1, report=False).rows)
     assert sum(row["decided_by"] == "motion" for row in rows) < 10
     unvaried, chosen = ff.load_scenario(tmp_path / "base.yaml").problem(), set()
-    for row in rows[::10]:
+    for row in rows[::20]:
         heading = np.radians(row["heading_deg"])
         base_motion = ff.simulate(unvaried, heading=heading)
         expected = base_motion.chosen.branch.index

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -31,12 +32,24 @@ def attacks() -> Iterator[Attacks]:
         yield claims.attacks
 
 
-def planned(number: int) -> tuple[Plan, np.random.Generator]:
+def posed(number: int) -> tuple[Any, ff.Search, np.random.Generator]:
     from attacks.problems import random_problem
 
     rng = np.random.default_rng([1, number])
     _, problem, search = random_problem(rng)
-    return ff.plan(problem, search), rng
+    return problem, search, rng
+
+
+@cache
+def plan_of(number: int) -> Plan:
+    problem, search, _ = posed(number)
+    return ff.plan(problem, search)
+
+
+def planned(number: int) -> tuple[Plan, np.random.Generator]:
+    """A plan, and random numbers that its problem has not used."""
+    *_, rng = posed(number)
+    return plan_of(number), rng
 
 
 @pytest.mark.slow
