@@ -24,8 +24,8 @@ from freefloat.verification.motions import MOTION, same_results
 from freefloat.verification.report import CheckReport
 
 _COMPLETED = MOTION._replace(values={**MOTION.values, "ending": Ending.COMPLETED})
-_SAME, _ENGINE = 1e-8, 1e-4
-"""Errors of integrating again, and of the last state [rad, m, s], and of an engine's [rad]."""
+_SAME, _PRECISE, _ENGINE = 1e-8, 1e-13, 1e-4
+"""Errors of integrating again and of the last state [rad, m, s], of its steps, of an engine's."""
 _STEPS = 12_000
 """Steps of the simulation, per loop: its error falls with their square."""
 _SPANS = 8
@@ -81,7 +81,7 @@ def _integrated_again(
         return np.append(w * omega + np.cross(x, omega), -x @ omega) / 2.0  # (8c)
 
     found = scipy.integrate.solve_ivp(
-        rates, times[[0, -1]], attitude, "DOP853", times, rtol=_SAME / 1e3, atol=_SAME / 1e3
+        rates, times[[0, -1]], attitude, "DOP853", times, rtol=_PRECISE, atol=_PRECISE
     ).y.T
     return np.asarray(found / np.linalg.norm(found, axis=1, keepdims=True))
 
