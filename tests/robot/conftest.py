@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from freefloat.robot.formats import reader_process
+from freefloat.robot import reader_process
 
 
 @pytest.fixture
