@@ -107,12 +107,13 @@ def batch(
     if run is not None:
         _write_run(loaded, run, output, console)
         return
+    reason = why_run_by_run(loaded)
     make_folder("output", output)
     if not (quiet or as_json) and loaded.content.command != "plan" and loaded.base.get("phases"):
         say(f"{loaded.source}: the first path alone, without the phases after it")
     logging.getLogger("asyncio").setLevel(logging.CRITICAL)  # of a scheduler that Ctrl-C leaves
     try:
-        if not (quiet or as_json) and (reason := why_run_by_run(loaded)) is not None:
+        if not (quiet or as_json) and reason is not None:
             with console.progress("timing runs"):
                 seconds = seconds_one_by_one(loaded, workers) if loaded.count >= _MANY else None
             duration = "" if seconds is None else f"; up to about {time_text(seconds)}"

@@ -139,6 +139,10 @@ class EnsembleIntegrator:
 
         run_chunks(integrate_chunk, range(0, K, chunk), self.threads, progress)
         result.attitudes[:] = self._axes.attitudes(result.attitudes, back=True)
+        if steps is not None:
+            taken = steps[1 : 1 + int(steps[0, 0])]
+            for part in (slice(1, 5), slice(5 + n, 9 + n)):  # attitudes and their rates
+                taken[:, part] = self._axes.attitudes(taken[:, part], back=True)
         violated = (result.slacks < self._spares).any(axis=1) & (result.endings == COMPLETED)
         result.endings[violated] = LIMITED
         for array in result:

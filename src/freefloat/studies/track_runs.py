@@ -17,6 +17,7 @@ from freefloat.studies.portable import PortableStudy
 from freefloat.studies.records import followed_motion
 from freefloat.studies.run_values import NO_ROWS, Chunk
 from freefloat.studies.study import Study
+from freefloat.studies.track_section import is_accepted
 from freefloat.studies.values import tracking_values
 
 _FEWEST, _CHUNK = 8, 256
@@ -48,7 +49,9 @@ def _chunk(numbers: list[int]) -> Chunk:
 
 
 def tracked(study: PortableStudy, chunk: Chunk, threads: int | None = None) -> Columns:
-    """Simulate the runs of a chunk; return their rows, none if one of them is an error.
+    """Simulate the runs of a chunk; return their rows, none if their motion is an error.
+
+    Runs whose arguments are not accepted have no row: they are executed one by one.
 
     Args:
         study: The study.
@@ -58,6 +61,9 @@ def tracked(study: PortableStudy, chunk: Chunk, threads: int | None = None) -> C
     here, threads = study.here, threads or available_cores()
     began, begin = datetime.now(UTC).isoformat(timespec="milliseconds"), time.perf_counter()
     arguments = {number: here.tracking(number) for number in chunk.numbers.tolist()}
+    arguments = {number: values for number, values in arguments.items() if is_accepted(values)}
+    if not arguments:
+        return NO_ROWS
     try:
         inputs = json.dumps(here.inputs(chunk.first))
         followed = followed_motion(inputs, here.base_source.absolute())

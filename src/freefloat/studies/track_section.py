@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
+
+from pydantic import ValidationError
 
 from freefloat.errors import InputError
 from freefloat.io.scenario.field_types import NotNegative, Positive, Section, Seed
@@ -39,6 +41,15 @@ class TrackSection(Section):
     def with_values(self, parameters: dict[str, Any]) -> dict[str, Any]:
         """The keys of the section, with those that vary replaced by their values."""
         return self.model_dump() | _values_below(parameters)
+
+
+def is_accepted(values: Mapping[str, Any]) -> bool:
+    """Whether values of a run by their names in the section are accepted."""
+    try:
+        TrackSection.model_validate(values)
+    except ValidationError:
+        return False
+    return True
 
 
 def require_track_values(key: str, values: Iterable[Any], source: str) -> None:
