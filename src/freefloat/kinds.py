@@ -47,44 +47,56 @@ class ResultKind:
     decode: str = ""
 
 
-_FIGURES, _SCENES = "visualization.figures.figures:", "visualization.scenes.result_scenes:"
-_VERIFICATION, _JOINT_SPACE = "verification.", "beyond.joint_space."
 RESULT_KINDS = {
     "plan": ResultKind(
-        "planning.plan:Plan", f"{_FIGURES}plan_figures", f"{_SCENES}plan_scene",
-        f"{_VERIFICATION}path_motions:plan_report",
+        "planning.plan:Plan",
+        "visualization.figures.figures:plan_figures",
+        "visualization.scenes.result_scenes:plan_scene",
+        "verification.path_motions:plan_report",
     ),
     "motion": ResultKind(
-        "planning.simulation:Simulation", f"{_FIGURES}simulation_figures",
-        f"{_SCENES}simulation_scene", f"{_VERIFICATION}path_motions:simulation_report",
+        "planning.simulation:Simulation",
+        "visualization.figures.figures:simulation_figures",
+        "visualization.scenes.result_scenes:simulation_scene",
+        "verification.path_motions:simulation_report",
     ),
     "goal": ResultKind(
-        "planning.goals.goal_motion:GoalMotion", f"{_FIGURES}goal_figures",
-        f"{_SCENES}goal_scene", f"{_VERIFICATION}goal_motions:goal_report",
+        "planning.goals.goal_motion:GoalMotion",
+        "visualization.figures.figures:goal_figures",
+        "visualization.scenes.result_scenes:goal_scene",
+        "verification.goal_motions:goal_report",
     ),
     "manoeuvre": ResultKind(
-        "planning.phases.manoeuvre:Manoeuvre", f"{_FIGURES}manoeuvre_figures",
-        f"{_SCENES}manoeuvre_scene", f"{_VERIFICATION}manoeuvre:manoeuvre_report",
+        "planning.phases.manoeuvre:Manoeuvre",
+        "visualization.figures.figures:manoeuvre_figures",
+        "visualization.scenes.result_scenes:manoeuvre_scene",
+        "verification.manoeuvre:manoeuvre_report",
     ),
     "attitude map": ResultKind(
-        "planning.space.attitude_map:AttitudeMap", f"{_FIGURES}attitude_map_figures",
-        "visualization.scenes.map_scene:map_scene", f"{_VERIFICATION}margin_maps:map_report",
+        "planning.space.attitude_map:AttitudeMap",
+        "visualization.figures.figures:attitude_map_figures",
+        "visualization.scenes.map_scene:map_scene",
+        "verification.margin_maps:map_report",
     ),
     "map": ResultKind(
-        "planning.plane.heading_map:HeadingMap", f"{_FIGURES}heading_map_figures",
+        "planning.plane.heading_map:HeadingMap",
+        "visualization.figures.figures:heading_map_figures",
         "visualization.scenes.heading_scene:heading_scene",
-        f"{_VERIFICATION}margin_maps:map_report",
+        "verification.margin_maps:map_report",
     ),
     "singularity map": ResultKind(
-        f"{_JOINT_SPACE}singularity_map:SingularityMap", f"{_JOINT_SPACE}figures:map_figures",
-        f"{_JOINT_SPACE}scene:singularity_scene",
-        f"{_JOINT_SPACE}verification:singularity_map_report",
-        f"{_JOINT_SPACE}verification:decoded",
+        "beyond.joint_space.singularity_map:SingularityMap",
+        "beyond.joint_space.figures:map_figures",
+        "beyond.joint_space.scene:singularity_scene",
+        "beyond.joint_space.verification:singularity_map_report",
+        "beyond.joint_space.verification:decoded",
     ),
-}  # fmt: skip
+}
 """Kinds of results that are saved, by the attribute ``kind`` of their records."""
 _MOTION = ResultKind(
-    "motion.motion:Motion", f"{_FIGURES}drawn_motion_figures", f"{_SCENES}single_motion_scene"
+    "motion.motion:Motion",
+    "visualization.figures.figures:drawn_motion_figures",
+    "visualization.scenes.result_scenes:single_motion_scene",
 )
 
 

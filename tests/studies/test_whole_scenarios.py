@@ -281,3 +281,11 @@ def test_all_reasons_are_said_together(tmp_path: Path) -> None:
     reason = str(why_run_by_run(random))
     words = ("path.line.to.0", "files", "fraction_of")
     assert [word for word in words if word not in reason] == []
+
+
+def test_torques_are_not_asked_for_where_no_run_keeps_the_rest(tmp_path: Path) -> None:
+    vary = {"limits.base_rate": {"uniform": [1e-6, 2e-6]}}
+    base = PLANAR | {"limits": {"joint_torque": 1e3, "base_rate": 1e-6}}
+    study = a_study(tmp_path, vary, base=base, cases=20, files="none", branch=1)
+    rows = list(run_study(study, tmp_path / "out", workers=1, report=False).rows)
+    assert {row["verdict"] for row in rows} == {"infeasible"}

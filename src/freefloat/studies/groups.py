@@ -41,7 +41,7 @@ class Unvaried:
 
     @classmethod
     def of(cls, study: Study) -> Unvaried | None:
-        """That of a study; None where limits choose the motion, which only precise ones show."""
+        """The unvaried scenario; None where limits of precise motions choose its motion."""
         scenario = study.scenario_of(study.base)
         problem = scenario.search().applied_to(scenario.problem())
         if problem.start_joints is not None:
