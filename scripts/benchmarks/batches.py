@@ -19,6 +19,8 @@ from benchmarks.costs import PROGRAM, run
 from benchmarks.motions import ATTITUDE
 from benchmarks.plain import PlainMotion
 from benchmarks.result import Result, race
+from freefloat.beyond.engines.mujoco import start
+from freefloat.beyond.engines.mujoco_model import Engine
 from freefloat.ensemble.ensemble import EnsembleIntegrator
 from freefloat.ensemble.robots import Robots
 from freefloat.ensemble.systems import Systems
@@ -26,8 +28,6 @@ from freefloat.limits.pairs import CollisionPairs
 from freefloat.robot.bundled import find_scenario, find_study
 from freefloat.studies.folder import DATABASE
 from freefloat.studies.rows import StudyRows
-from freefloat.verification.engines.mujoco import start
-from freefloat.verification.engines.mujoco_model import Engine
 
 STUDY = "spatial_6dof/montecarlo"
 AGAINST = "the plain loop at 1e-6, time of {} of the motions, multiplied"

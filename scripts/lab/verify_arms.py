@@ -18,9 +18,9 @@ from rich.progress import track
 from rich.table import Table
 
 import freefloat as ff
+from freefloat.beyond.engines.mujoco import forward_run
+from freefloat.beyond.engines.mujoco_model import Engine
 from freefloat.so3 import angle_between
-from freefloat.verification.engines.mujoco import forward_run
-from freefloat.verification.engines.mujoco_model import Engine
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 from tests.two_arms import own_motion, random_case, tip_errors

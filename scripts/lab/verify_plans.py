@@ -31,7 +31,8 @@ def planned(name: str, folder: Path) -> Path:
 
 def row(name: str, report: CheckReport, seconds: float) -> str:
     """Minimum margin, its proven bound relative to it, and the largest errors."""
-    certificate, inverse, forward = report.certificate, report.inverse, report.forward
+    certificate, runs = report.certificate, report.runs
+    inverse, forward = runs.inverse, runs.forward
     if certificate is None or inverse is None or forward is None:
         return name
     minimum, angle = certificate.minima[-1], certificate.end_effector_orientation

@@ -91,8 +91,8 @@ from .planning.phases.manoeuvre_planner import plan_manoeuvre as plan_manoeuvre
 
 # Beyond the paper: engines and exports
 from .io.formats.export import export as export
-from .verification.tracking import track as track
-from .verification.tracking import track_many as track_many
+from .beyond.engines.tracking import track as track
+from .beyond.engines.tracking import track_many as track_many
 
 # Beyond the paper: many runs
 from .ensemble.simulate_many import simulate_many as simulate_many

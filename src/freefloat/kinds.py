@@ -11,6 +11,33 @@ from freefloat.errors import InputError
 
 READERS = {"xacro": "freefloat.beyond.formats.xacro", "mjcf": "freefloat.beyond.formats.mjcf"}
 """Modules whose function ``read`` returns the URDF of a file."""
+ENGINES = {"mujoco": "beyond.engines.engine_runs:MuJoCo"}
+"""Classes of other engines that repeat motions, by the name of the engine and of its extra."""
+
+
+@dataclass(frozen=True)
+class StudyCommand:
+    """Names of the functions that execute a command of studies.
+
+    Attributes:
+        chunks: Function of a study and its missing runs: runs that are computed side by side.
+        computed: Function of a study, a chunk and a number of threads: its rows.
+        values: Function of a study and a run: its row.
+    """
+
+    chunks: str
+    computed: str
+    values: str
+
+
+STUDY_COMMANDS = {
+    "track": StudyCommand(
+        "beyond.engines.track_runs:track_chunks",
+        "beyond.engines.track_runs:tracked",
+        "beyond.engines.track_runs:track_values",
+    )
+}
+"""Commands of studies that are beyond the paper."""
 
 
 def named(place: str) -> Any:

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 import freefloat as ff
+from freefloat.beyond.engines.mujoco import forward_run
+from freefloat.beyond.engines.mujoco_model import Engine
 from freefloat.certificate.certificate import certify, integrate_again
 from freefloat.io.scenario.scenario import parse_scenario
 from freefloat.motion.motion import DEGREE, Ending
-from freefloat.verification.engines.mujoco import forward_run
-from freefloat.verification.engines.mujoco_model import Engine
 from tests.motions import GOOD, bundled, heading, simulated
 from tests.prismatic import prismatic_motion, prismatic_robot
 

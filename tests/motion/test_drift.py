@@ -11,10 +11,10 @@ from scipy.integrate import solve_ivp
 
 import freefloat as ff
 from freefloat.attitude_grids import attitude_grid
+from freefloat.beyond.engines.mujoco import forward_run, inverse_run
+from freefloat.beyond.engines.mujoco_model import Engine
 from freefloat.ensemble.ensemble import EnsembleIntegrator
 from freefloat.so3 import angle_between, heading_quaternion
-from freefloat.verification.engines.mujoco import forward_run, inverse_run
-from freefloat.verification.engines.mujoco_model import Engine
 from tests.errors import error_key
 from tests.motions import GOOD, bundled
 

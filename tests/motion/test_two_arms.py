@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 
 import freefloat as ff
+from freefloat.beyond.engines.mujoco import forward_run
+from freefloat.beyond.engines.mujoco_model import Engine
 from freefloat.ensemble.ensemble import EnsembleIntegrator
 from freefloat.ik.nearest import newton_solutions
 from freefloat.io.formats.export import Format, trajectories
@@ -17,8 +19,6 @@ from freefloat.io.formats.trajectory import Trajectory
 from freefloat.limits.limits import Limits
 from freefloat.motion.residuals import path_errors
 from freefloat.so3 import angle_between
-from freefloat.verification.engines.mujoco import forward_run
-from freefloat.verification.engines.mujoco_model import Engine
 from freefloat.visualization.scenes.scene import motion_scene
 from tests.commands import document, error
 from tests.errors import error_key

@@ -14,6 +14,7 @@ import trimesh
 import yaml
 
 import freefloat as ff
+from freefloat.beyond.engines.track_runs import followed_motion
 from freefloat.io.records.results import load
 from freefloat.io.scenario.scenario import load_scenario
 from freefloat.planning.simulation import simulate
@@ -21,7 +22,6 @@ from freefloat.robot.bundled import find_scenario
 from freefloat.robot.mjcf_writer import robot_mjcf
 from freefloat.so3 import heading_quaternion
 from freefloat.studies.portable import PortableStudy, study_files
-from freefloat.studies.records import followed_motion
 from freefloat.studies.run import RunResult, execute
 from tests.example_studies import BASE, HEADINGS, a_study
 

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 import freefloat as ff
+from freefloat.beyond.engines.track_runs import track_chunks, tracked
 from freefloat.studies.portable import PortableStudy
 from freefloat.studies.results import Combination, StudyResult
 from freefloat.studies.run import execute
 from freefloat.studies.study import Study
-from freefloat.studies.track_runs import track_chunks, tracked
 from tests.errors import error_key
 from tests.example_studies import SHORT, a_study, finished, write_study
 

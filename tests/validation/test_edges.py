@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 import freefloat as ff
+from freefloat.beyond.engines.mujoco import forward_run, inverse_run
+from freefloat.beyond.engines.mujoco_model import Engine
 from freefloat.certificate.certificate import certify
 from freefloat.ensemble.endings import COMPLETED, SINGULAR
 from freefloat.errors import IntegrationError
@@ -18,8 +20,6 @@ from freefloat.paths import PolynomialCurve
 from freefloat.planning.plane.ranges import find_range_limits, heading_ranges
 from freefloat.robot.bundled import models_folder
 from freefloat.so3 import heading_of
-from freefloat.verification.engines.mujoco import forward_run, inverse_run
-from freefloat.verification.engines.mujoco_model import Engine
 from tests.motions import GOOD, along, bundled, compiled_motion, heading, lasting, simulated
 from tests.robots import in_units
 

@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 import freefloat as ff
+from freefloat.beyond.engines.mujoco import forward_run
+from freefloat.beyond.engines.mujoco_model import Engine, wxyz
 from freefloat.so3 import heading_quaternion
-from freefloat.verification.engines.mujoco import forward_run
-from freefloat.verification.engines.mujoco_model import Engine, wxyz
 from tests.motions import GOOD, differentiated, relative, simulated
 from tests.robots import Robot, joint_values, robots
 from tests.validation.comparisons import assert_agrees

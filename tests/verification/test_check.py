@@ -65,8 +65,8 @@ def test_a_plan_is_verified_with_both_engines(request, name):
         "mujoco: end-effector position", "mujoco: angular momentum", "mujoco: wrench on the base",
         "mujoco: final attitude",
     } <= set(names)  # fmt: skip
-    assert report.forward.attitude < 1e-3
-    assert report.inverse.wrench < 1e-4 * report.inverse.torque
+    assert report.runs.forward.attitude < 1e-3
+    assert report.runs.inverse.wrench < 1e-4 * report.runs.inverse.torque
     assert report.to_dict().keys() >= {"proved", "kind", "reasons", "checks", "certificate"}
     json.dumps(report.to_dict(), allow_nan=False)
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import freefloat as ff
+from freefloat.beyond.engines.engine_runs import MuJoCo
 from freefloat.robot.bundled import find_robot
-from freefloat.verification.engine_runs import engine_runs
 from tests.commands import document, run
 from tests.robots import inertial_text, joint_text, link_text
 
@@ -33,7 +33,7 @@ def test_a_spacecraft_has_an_antenna_whose_inertia_mujoco_refuses(tmp_path: Path
     file.write_text(text.replace("</robot>", f"{antenna}</robot>"))
     scenario = {**STILL, "robot": {"urdf": str(file), "end_effector": "tool"}}
     motion = ff.simulate(ff.load_scenario(scenario).problem(), heading=0.6).chosen.motion
-    runs = engine_runs(motion)
+    runs = MuJoCo().repeated(motion)
     assert runs.forward is not None
     assert runs.forward.attitude < 1e-6
 

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 import freefloat as ff
+from freefloat.beyond.engines import plant, servo_steps
+from freefloat.beyond.engines.mujoco import start
+from freefloat.beyond.engines.mujoco_model import Engine
+from freefloat.beyond.engines.plant import Plants
 from freefloat.dynamics.momentum import mass_matrix
 from freefloat.robot.assembly import scaled
 from freefloat.so3 import angle_between
-from freefloat.verification.engines import plant, servo_steps
-from freefloat.verification.engines.mujoco import start
-from freefloat.verification.engines.mujoco_model import Engine
-from freefloat.verification.engines.plant import Plants
 from tests.errors import error_key
 from tests.lock_step import sources
 

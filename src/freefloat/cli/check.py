@@ -50,10 +50,10 @@ def check(
     from freefloat.io.scenario.yaml import error_context
     from freefloat.verification.check import check as verify
     from freefloat.verification.comparisons import Check
-    from freefloat.verification.engine_runs import require_engine
-    from freefloat.verification.report import PINOCCHIO, CheckReport
+    from freefloat.verification.engine import PINOCCHIO, other_engine
+    from freefloat.verification.report import CheckReport
 
-    require_engine(engine or PINOCCHIO)
+    other_engine(engine or PINOCCHIO)
     console = Console(as_json, quiet)
     with console.progress("recomputing what the file states"):
         try:

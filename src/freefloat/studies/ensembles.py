@@ -13,6 +13,7 @@ import numpy as np
 from freefloat.concurrency import available_cores
 from freefloat.ensemble.endings import DECIDERS
 from freefloat.ensemble.many_motions import ManyMotions
+from freefloat.kinds import STUDY_COMMANDS, named
 from freefloat.motion.motion import Ending
 from freefloat.robot.joint_ranges import range_ratios
 from freefloat.so3 import Array, IntArray
@@ -33,7 +34,7 @@ from freefloat.studies.grouping import group_of
 from freefloat.studies.groups import Group
 from freefloat.studies.portable import PortableStudy
 from freefloat.studies.run_values import NO_ROWS, Chunk
-from freefloat.studies.study import Command, Study
+from freefloat.studies.study import Study
 
 CHUNK = 4096
 """Runs that are integrated and stored together."""
@@ -49,10 +50,9 @@ def study_chunks(study: Study, groups: IntArray, missing: IntArray) -> Iterator[
         groups: Number of the group of each run, see :func:`.run_values.group_numbers`.
         missing: Numbers of runs, ascending.
     """
-    if study.content.command is Command.TRACK:
-        from freefloat.studies.track_runs import track_chunks  # imports slowly
-
-        return track_chunks(study, missing)
+    if command := STUDY_COMMANDS.get(study.content.command):
+        found: Iterator[Chunk] = named(command.chunks)(study, missing)
+        return found
     size = _SLOW_CHUNK if study.compares_bodies else CHUNK
     return chunks(groups, missing, size)
 
@@ -65,10 +65,9 @@ def computed(study: PortableStudy, chunk: Chunk, threads: int | None = None) -> 
         chunk: The runs.
         threads: Number of threads; default is one per core.
     """
-    if study.study.content.command is Command.TRACK:
-        from freefloat.studies.track_runs import tracked
-
-        return tracked(study, chunk, threads)
+    if command := STUDY_COMMANDS.get(study.study.content.command):
+        columns: Columns = named(command.computed)(study, chunk, threads)
+        return columns
     return integrated(study, chunk, threads)
 
 

@@ -10,9 +10,7 @@ from typing import Any
 
 from freefloat.errors import InputError, UnreachableError, finite_number
 from freefloat.motion.problem import Problem
-from freefloat.planning.phases.manoeuvre import Manoeuvre
-from freefloat.planning.plan import Plan
-from freefloat.planning.simulation import Simulation, chosen_joints, simulate
+from freefloat.planning.simulation import chosen_joints, simulate
 from freefloat.so3 import Array
 from freefloat.studies.document import scenario_from
 from freefloat.studies.study import Command
@@ -49,21 +47,6 @@ def computed_record(
     if "joints" in choice:  # of a redundant arm, whose arm branches are others with another robot
         problem = problem.replace(start_joints=choice.pop("joints"))
     return simulate(problem, attitude, **choice)
-
-
-@lru_cache(maxsize=8)
-def followed_motion(inputs: str, source: Path) -> Plan | Simulation:
-    """What the command track follows: a simulation from a start, else the plan of the first path.
-
-    Args:
-        inputs: Arguments of :func:`computed_record` as JSON text: those of many runs are the same.
-        source: The scenario's file.
-    """
-    arguments = json.loads(inputs)
-    command = Command.SIMULATE if arguments["start"] else Command.PLAN
-    record = computed_record(command, source, **arguments)
-    followed: Plan | Simulation = record.path if record.kind == Manoeuvre.kind else record
-    return followed
 
 
 def branch_choice(

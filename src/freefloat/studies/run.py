@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import tempfile
 import time
 from dataclasses import dataclass, field, replace
@@ -14,13 +13,14 @@ from freefloat.errors import FreeFloatError, InputError
 from freefloat.io.files import file_errors, written_beside
 from freefloat.io.records.results import save
 from freefloat.io.scenario.scenario import Scenario
+from freefloat.kinds import STUDY_COMMANDS, named
 from freefloat.studies.columns import ERROR, UNCHECKED, finite
 from freefloat.studies.document import error_of_study
 from freefloat.studies.folder import FILES, WRITABLE
 from freefloat.studies.portable import PortableStudy
-from freefloat.studies.records import computed_record, followed_motion
-from freefloat.studies.study import UNDISTURBED, Command, Study
-from freefloat.studies.values import record_values, tracking_values
+from freefloat.studies.records import computed_record
+from freefloat.studies.study import UNDISTURBED, Study
+from freefloat.studies.values import record_values
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,10 +98,8 @@ def execute_into(study: PortableStudy, number: int, folder: Path) -> RunResult:
 def _computed(study: Study, number: int) -> tuple[dict[str, Any], Any]:
     """Execute the command; return the results by column, and the record that files store."""
     source, inputs = study.base_source.absolute(), study.inputs(number)
-    if study.content.command is Command.TRACK:
-        followed = followed_motion(json.dumps(inputs), source)
-        (values,) = tracking_values(followed, [study.tracking(number)])
-        return finite(values), None
+    if command := STUDY_COMMANDS.get(study.content.command):
+        return named(command.values)(study, number), None
     record = computed_record(study.content.command, source, **inputs)
     contact = {} if study.contact_unchecked is None else {"contact": UNCHECKED}
     return finite(record_values(record)) | contact, record

@@ -253,7 +253,7 @@ class Study:
         return {key: value for key, value in values.items() if value is not None}
 
     def tracking(self, number: int) -> dict[str, Any]:
-        """The arguments of :func:`~freefloat.verification.tracking.track` in a run."""
+        """The arguments of :func:`~freefloat.beyond.engines.tracking.track` in a run."""
         return self.content.track.with_values(self.parameters(number))
 
 

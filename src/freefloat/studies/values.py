@@ -34,51 +34,11 @@ from freefloat.studies.columns import (
     MARGIN_REASON,
     SINGULARITY_LIMITS,
 )
-from freefloat.verification.tracking import Tracking, track_many
 
 
 def record_values(record: Any) -> dict[str, Any]:
     """The results of a simulation, a map, or what ``plan`` finds."""
     return _VALUES[type(record)](record)
-
-
-def tracking_values(
-    followed: Plan | Simulation, arguments: Sequence[dict[str, Any]], threads: int = 1
-) -> list[dict[str, Any]]:
-    """The values of runs in which controllers follow a motion; residuals are their errors.
-
-    Those of the record itself if it has no motion along the whole path.
-
-    Args:
-        followed: What to follow.
-        arguments: Of :func:`~freefloat.verification.tracking.track`, with the same period.
-        threads: Number of threads.
-    """
-    chosen = followed.chosen
-    if chosen is None or not chosen.motion.completed:
-        return [record_values(followed)] * len(arguments)
-    columns: dict[str, Any] = {key: [run[key] for run in arguments] for key in arguments[0]}
-    period, *_ = columns.pop("period")
-    trackings = track_many(followed, **columns, period=period, threads=threads)
-    motion = _motion_values(chosen)
-    return [motion | _tracking_values(tracking) for tracking in trackings]
-
-
-def _tracking_values(tracking: Tracking) -> dict[str, Any]:
-    reason = ""
-    if not tracking.margin_kept:
-        reason = MARGIN_REASON
-    elif not tracking.on_path:
-        reason = "The end-effector leaves the path."
-    return {
-        "verdict": INFEASIBLE if reason else FEASIBLE,
-        "reason": reason,
-        "margin": tracking.minimum_margin,
-        "margin_time": tracking.margin_time,
-        "residuals.end_effector_position": tracking.peak_position_error,
-        "residuals.end_effector_attitude": tracking.peak_orientation_error,
-        "residuals.final_position": tracking.final_position_error,
-    }
 
 
 def _simulation_values(simulation: Simulation) -> dict[str, Any]:
@@ -95,12 +55,12 @@ def _simulation_values(simulation: Simulation) -> dict[str, Any]:
     verdict = INFEASIBLE if reason else FEASIBLE
     values = {"verdict": verdict, "reason": reason, "decided_by": DECIDERS[MOTION]}
     others = _extreme_values(chosen), _limiting(chosen, limits)
-    return {**values, **_motion_values(chosen), **others[0], **others[1], **_limit_values(limits)}
+    return {**values, **motion_values(chosen), **others[0], **others[1], **_limit_values(limits)}
 
 
 def _plan_values(plan: Plan) -> dict[str, Any]:
     """The values of a plan."""
-    motion = {"completed": False} if plan.chosen is None else _motion_values(plan.chosen)
+    motion = {"completed": False} if plan.chosen is None else motion_values(plan.chosen)
     values = {
         **_verdict(plan),
         **motion,
@@ -158,7 +118,8 @@ def _map_values(result: AttitudeMap | HeadingMap) -> dict[str, Any]:
     return values | (_attitude(best.attitude.tolist()) if best else {})
 
 
-def _motion_values(chosen: SimulatedBranch) -> dict[str, Any]:
+def motion_values(chosen: SimulatedBranch) -> dict[str, Any]:
+    """The values of a motion by itself."""
     motion = chosen.motion
     attitude = motion.initial.attitude.tolist()
     planar = motion.problem.task.planar

@@ -8,8 +8,8 @@ from freefloat.kinds import kind_of, named
 from freefloat.planning.answer import Answer
 from freefloat.planning.margin_map import MarginMap
 from freefloat.records import Known
-from freefloat.verification.engine_runs import require_engine
-from freefloat.verification.report import PINOCCHIO, CheckReport
+from freefloat.verification.engine import PINOCCHIO, other_engine
+from freefloat.verification.report import CheckReport
 
 
 def check(result: Answer | MarginMap | Any, engine: str = PINOCCHIO) -> CheckReport:
@@ -37,7 +37,7 @@ def check(result: Answer | MarginMap | Any, engine: str = PINOCCHIO) -> CheckRep
         True
     """
     kind_of(result, saved=True)
-    require_engine(engine)
+    other_engine(engine)
     report, known = recomputed(result, engine)
     return report.comparing(result, known)
 

@@ -18,7 +18,7 @@ from freefloat.planning.goals.goal_motion import GoalMotion
 from freefloat.records import Known, Origin
 from freefloat.so3 import Array, angle_between
 from freefloat.verification.comparisons import Check, completed, error_check, span_check
-from freefloat.verification.engine_runs import forward_checks
+from freefloat.verification.engine import other_engine
 from freefloat.verification.limit_checks import limit_checks
 from freefloat.verification.motions import MOTION, same_results
 from freefloat.verification.report import CheckReport
@@ -48,10 +48,11 @@ def goal_report(result: GoalMotion, engine: str) -> tuple[CheckReport, Known]:
     again = result.with_motion(motion, limits)
     known |= {"motion": _COMPLETED, "limit_results": limits, "feasible": again.feasible,
               "reason": again.reason}  # fmt: skip
+    other, steps = other_engine(engine), _STEPS * -(-motion.curve.spans // _SPANS)
     checks = (
         *completed("motion", _checks, result, motion, motion.curve),
         *limit_checks(limits, result.feasible),
-        *forward_checks(engine, motion, _STEPS * -(-motion.curve.spans // _SPANS), _ENGINE),
+        *(other.simulated(motion, steps, _ENGINE) if other else ()),
     )
     return CheckReport(result.kind, checks, limits=limits), Known(GoalMotion, known)
 

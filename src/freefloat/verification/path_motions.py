@@ -27,7 +27,7 @@ from freefloat.verification.comparisons import (
     span_check,
     start_check,
 )
-from freefloat.verification.engine_runs import EngineRuns, engine_checks, engine_runs
+from freefloat.verification.engine import EngineRuns, other_engine
 from freefloat.verification.limit_checks import limit_checks
 from freefloat.verification.motions import (
     bound_checks,
@@ -35,7 +35,7 @@ from freefloat.verification.motions import (
     same_certificate,
     same_results,
 )
-from freefloat.verification.report import PINOCCHIO, CheckReport
+from freefloat.verification.report import CheckReport
 
 
 def plan_report(plan: Plan, engine: str, phase: Plan | None = None) -> tuple[CheckReport, Known]:
@@ -196,15 +196,14 @@ def _report(
         return CheckReport(result.kind, (start_check(motion), *stated())), results
     if not (span := span_check(motion)).passed:
         return CheckReport(result.kind, (span,)), results
-    runs = EngineRuns() if engine == PINOCCHIO else engine_runs(motion)
+    other = other_engine(engine)
+    runs = other.repeated(motion) if other else EngineRuns()
     certificate = certify(motion)
     checks = (
         *completed("certificate", certificate_checks, certificate, motion, keeps_margin),
         *arms_check(motion),
         *limit_checks(limits, keeps_limits and required),
         *stated(),
-        *engine_checks(motion, runs),
+        *runs.checks,
     )
-    return CheckReport(
-        result.kind, checks, certificate, limits, runs.inverse, runs.forward, engine
-    ), results
+    return CheckReport(result.kind, checks, certificate, limits, runs, engine), results

@@ -3,21 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from freefloat.certificate.certificate import Certificate
 from freefloat.limits.result import LimitResult
 from freefloat.records import Known
 from freefloat.verification.comparisons import Check
+from freefloat.verification.engine import EngineRuns
 from freefloat.verification.leaves import compare
-
-if TYPE_CHECKING:
-    from freefloat.verification.engines.forward import ForwardRun
-    from freefloat.verification.engines.mujoco import InverseRun
-
-PINOCCHIO = "pinocchio"
-MUJOCO = "mujoco"
-ENGINES = (PINOCCHIO, MUJOCO)
 
 
 @dataclass(frozen=True)
@@ -30,8 +23,7 @@ class CheckReport:
         checks: Everything that was checked, in order.
         certificate: Recomputed certificate of the motion; None without a motion.
         limits: Recomputed limits of the motion.
-        inverse: Inverse dynamics of MuJoCo along the motion; None if it was not used.
-        forward: The engine's own integration of the motion; None without one.
+        runs: What another engine computed along the motion.
         engine: Name of that engine.
         not_verified: Names of stated values that were not recomputed, or not to all digits.
         given: Names of stated values that are part of the question, like robot and scenario.
@@ -41,8 +33,7 @@ class CheckReport:
     checks: tuple[Check, ...]
     certificate: Certificate | None = field(default=None, repr=False)
     limits: tuple[LimitResult, ...] = field(default=(), repr=False)
-    inverse: InverseRun | None = field(default=None, repr=False)
-    forward: ForwardRun | None = field(default=None, repr=False)
+    runs: EngineRuns = field(default=EngineRuns(), repr=False)
     engine: str | None = None
     not_verified: tuple[str, ...] = ()
     given: tuple[str, ...] = ()
@@ -81,8 +72,7 @@ class CheckReport:
 
     @property
     def _engine_document(self) -> dict[str, Any] | None:
-        if self.forward is None:
+        if self.runs.forward is None:
             return None
-        runs = {"inverse": self.inverse, "forward": self.forward}
-        documents = {name: None if run is None else asdict(run) for name, run in runs.items()}
-        return {"name": self.engine, **documents}
+        inverse, forward = asdict(self.runs.inverse), asdict(self.runs.forward)
+        return {"name": self.engine, "inverse": inverse, "forward": forward}

@@ -16,7 +16,8 @@ from freefloat.singularities.singularity_polynomial import SingularityPolynomial
 from freefloat.so3 import Array
 from freefloat.verification.codec import CODEC
 from freefloat.verification.comparisons import Check
-from freefloat.verification.report import PINOCCHIO, CheckReport
+from freefloat.verification.engine import PINOCCHIO
+from freefloat.verification.report import CheckReport
 
 _SAMPLES, _BOXES = 4096, 512
 """Configurations, and boxes with a singular configuration, that are looked at."""

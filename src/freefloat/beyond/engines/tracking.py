@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from freefloat.beyond.engines.closed_loops import Loops, follow
 from freefloat.concurrency import available_cores, run_chunks
 from freefloat.dynamics.measures import singularity_measure
 from freefloat.ensemble.measure_values import MeasureValues
@@ -34,7 +35,6 @@ from freefloat.planning.simulation import Simulation
 from freefloat.robot.assembly import scaled
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array, frozen
-from freefloat.verification.closed_loops import Loops, follow
 
 _LARGEST_STEP = 0.5
 """Largest product of gain and period; the loop becomes unstable at 2."""

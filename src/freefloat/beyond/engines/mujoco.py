@@ -7,9 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from freefloat.motion.motion import Motion, State
-from freefloat.so3 import Array
-from freefloat.verification.engines.forward import (
+from freefloat.beyond.engines.forward import (
     STIFFNESS,
     ForwardRun,
     Reference,
@@ -17,7 +15,9 @@ from freefloat.verification.engines.forward import (
     displacements,
     known_span,
 )
-from freefloat.verification.engines.mujoco_model import Engine
+from freefloat.beyond.engines.mujoco_model import Engine
+from freefloat.motion.motion import Motion, State
+from freefloat.so3 import Array
 
 _INSTANTS = 61
 _SAMPLES = 15

@@ -4,11 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from freefloat.errors import IntegrationError
-from freefloat.rotations import Rotation
-from freefloat.so3 import Array
-from freefloat.verification.engines.mujoco_model import Engine
-from freefloat.verification.engines.servo_steps import (
+from freefloat.beyond.engines.mujoco_model import Engine
+from freefloat.beyond.engines.servo_steps import (
     Dynamics,
     Friction,
     Servos,
@@ -16,6 +13,9 @@ from freefloat.verification.engines.servo_steps import (
     advance,
     reduce_dynamics,
 )
+from freefloat.errors import IntegrationError
+from freefloat.rotations import Rotation
+from freefloat.so3 import Array
 
 _STEPS = 16
 """Steps of the equation of motion in a period."""

@@ -6,15 +6,15 @@ from typing import NamedTuple
 
 import numpy as np
 
+from freefloat.beyond.engines.mujoco import start
+from freefloat.beyond.engines.mujoco_model import Engine
+from freefloat.beyond.engines.plant import Plants
 from freefloat.dynamics.tasks import Task
 from freefloat.ensemble.rate_commands import RateCommands
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
 from freefloat.rotations import Rotation
 from freefloat.so3 import Array
-from freefloat.verification.engines.mujoco import start
-from freefloat.verification.engines.mujoco_model import Engine
-from freefloat.verification.engines.plant import Plants
 
 _FASTEST = 10.0
 """Largest commanded joint rate, in units of the largest planned one."""

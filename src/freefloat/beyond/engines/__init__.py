@@ -1,0 +1,1 @@
+"""Another engine, MuJoCo: it repeats motions, and simulates controllers that follow them."""
