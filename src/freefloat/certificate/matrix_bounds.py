@@ -40,7 +40,8 @@ centre of mass, whose Frobenius norm is sqrt(2) times its length: sqrt(2) L p_1;
 are constant. Per joint: a_j times a weighted mean of chain vectors, a product of two, L p_2, and
 for the angular rows a_j alone, p_1. In the axes of the end-effector, as for ``pointing``, each is a
 product with another rotation; two rows of that rotation alone, the angular ones per spacecraft
-rate, add sqrt(2) p_1.
+rate, add sqrt(2) p_1. On a table, the linear rows along z do not count the motion of the centre of
+mass: they are other products of two, so that the norm of all is at most sqrt(2) times as large.
 """
 
 from __future__ import annotations
@@ -51,7 +52,7 @@ import numpy as np
 
 from freefloat.dynamics.measures import unit_factors, unit_of_length
 from freefloat.dynamics.momentum import system_matrix, system_matrix_derivative
-from freefloat.dynamics.tasks import Task
+from freefloat.dynamics.tasks import Task, base_rotations
 from freefloat.motion.extrema import joint_extents
 from freefloat.motion.motion import Motion
 from freefloat.so3 import Array
@@ -111,7 +112,7 @@ class ScaledSystem:
         self._moving = np.cumsum(moved[::-1])[::-1][: model.arm_dof]
         self._end_effectors = len(model.end_effector_links)
         self._joint_units = np.where(model.prismatic, reach, 1.0)
-        self.base = 1 if task.planar else 3
+        self.base = base_rotations(model, task)
         rows, columns = unit_factors(model, task)
         self.rows = np.append(np.full(self.base, 1.0 / unit), rows)
         self.columns = np.append(np.ones(self.base), columns)
@@ -143,6 +144,8 @@ class ScaledSystem:
         base, linear, angular = float(np.sqrt(2.0) * L * p1), L * p2, p1
         if self._task is Task.POINTING:
             base, linear, angular = float(np.sqrt(2.0) * np.hypot(L * p2, p1)), L * p3, p2
+        if self._model.on_table:  # rows along z are other products than those along x and y
+            linear *= float(np.sqrt(2.0))
         several = float(np.sqrt(self._end_effectors))
         return SecondDerivatives(D, Dq, *(several * norm for norm in (base, linear, angular)))
 

@@ -99,7 +99,7 @@ def map_(
     search = loaded.search()
     delivery = Delivery(console, output, plots=plots, threads=threads)
     delivery.prepare(loaded.source)
-    if seed is not None and problem.task.planar:
+    if seed is not None and problem.has_headings:
         raise InputError("seed", "the task is planar", "a spatial task, whose grid it rotates")
     with console.progress("integrating motions") as progress:
         result = loaded.map(
@@ -107,7 +107,7 @@ def map_(
             nearest=nearest, boundary=boundary or 0, touch=touch or 0, threads=threads,
             progress=progress,
         )  # fmt: skip
-    tables: Any = _heading_tables if problem.task.planar else _attitude_tables
+    tables: Any = _heading_tables if problem.has_headings else _attitude_tables
     delivery.deliver(result, tables(scenario, result), scenario, loaded)
     raise typer.Exit(DONE if result.feasible_found else NEGATIVE)
 

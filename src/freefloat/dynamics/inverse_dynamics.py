@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 import pinocchio as pin
 
-from freefloat.dynamics.momentum import momentum_map, stacked
+from freefloat.dynamics.momentum import CARRIED, conserved, momentum_map, stacked
 from freefloat.dynamics.system import System
 from freefloat.dynamics.tasks import Task, task_rows
 from freefloat.rotations import rotation_matrix
@@ -27,7 +27,7 @@ class Effort:
             rates, where the arm is exactly singular.
         accelerations: Their time derivatives, shape (..., 6 + n).
         base_wrench: Force [N] and moment [N m] on the spacecraft, shape (..., 6); zero but for
-            numerical errors.
+            numerical errors. What a table carries is left out.
         joint_torques: Joint torques [N m or N], shape (..., n).
     """
 
@@ -103,12 +103,14 @@ class InverseDynamics:
         robot, data = self._robot, self._scratch
         known = np.isfinite(rates).all(axis=-1, keepdims=True)
         rates, still = np.where(known, rates, np.nan), np.zeros(robot.nv)
-        A = momentum_map(self._model, joints, attitude)
+        A = conserved(self._model, momentum_map(self._model, joints, attitude))
         linear = -_solved(A[..., :3, :3], turned(A[..., :3, 3:], rates))
         v = np.concatenate([linear, rates], axis=-1)
         q = np.concatenate([np.zeros_like(linear), attitude, joints], axis=-1)
         variation = pin.computeCentroidalMomentumTimeVariation
         drift = _each(lambda q, v: variation(robot, data, q, v, still).vector, q, v)
+        if self._model.on_table:
+            drift[..., CARRIED] = 0.0
         if self._turning:
             drift[..., 3:] += turned(rotation_matrix(attitude), cross(rates[..., :3], self._wheels))
         return A, q, v, drift
@@ -117,7 +119,10 @@ class InverseDynamics:
         forces = _each(partial(pin.rnea, self._robot, self._scratch), q, v, a)
         if self._turning:
             forces[..., 3:6] += cross(v[..., 3:6], self._wheels)
-        return Effort(v, a, forces[..., :6], forces[..., 6:])
+        base = forces[..., :6]
+        if self._model.on_table:
+            base[..., CARRIED] = 0.0
+        return Effort(v, a, base, forces[..., 6:])
 
 
 def _each(function: Callable[..., Array], *vectors: Array) -> Array:

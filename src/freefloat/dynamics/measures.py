@@ -21,7 +21,7 @@ from freefloat.dynamics.momentum import (
     generalized_jacobian,
     system_matrix,
 )
-from freefloat.dynamics.tasks import Task, prescribed_rows, require_task
+from freefloat.dynamics.tasks import Task, base_rotations, prescribed_rows, require_task
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator, meeting_point
 from freefloat.errors import InputError
 from freefloat.robot.joint_values import finite_after
@@ -114,7 +114,7 @@ def singularity_measure(
     if name == "gjm":
         return SingularityMeasure(name, gjm_definition, _unit(lengths), partial(_gjm, model, task))
     if name == "system":
-        k = 1 if task.planar else 3
+        k = base_rotations(model, task)
         definition = "det A (5)" if m == n else f"det D times {gjm_definition}"
         unit = f"{_unit(lengths + 2 * k)} kg" + ("^3" if k == 3 else "")
         return SingularityMeasure(name, definition, unit, partial(_system, model, task), k)
@@ -147,7 +147,7 @@ def _system(model: FreeFloatingModel, task: Task, joints: Array) -> Any:
     A = system_matrix(model, joints, task)
     if A.shape[-2] == A.shape[-1]:
         return np.linalg.det(A)
-    k = 1 if task.planar else 3
+    k = base_rotations(model, task)
     return np.linalg.det(A[..., :k, :k]) * _gjm(model, task, joints)
 
 
@@ -200,7 +200,7 @@ def plane_axes(model: FreeFloatingModel, task: Task) -> Array:
         "to the first, the last three meeting in a point, a spacecraft symmetric about the first",
     )
     virtual = VirtualManipulator.of(model)
-    if task is not Task.POSE or not virtual.has_elbow_and_spherical_wrist:
+    if model.on_table or task is not Task.POSE or not virtual.has_elbow_and_spherical_wrist:
         raise error
     offset = _last_body_offset(model, virtual.reach)
     if offset is None:

@@ -16,11 +16,20 @@ import pinocchio as pin
 from scipy.linalg.blas import dgemm
 from scipy.linalg.lapack import dgesv
 
-from freefloat.dynamics.tasks import Task, applicable, prescribed_rows, required_plane
+from freefloat.dynamics.tasks import (
+    Task,
+    applicable,
+    base_rotations,
+    prescribed_rows,
+    required_plane,
+)
 from freefloat.errors import InputError, require_type
 from freefloat.robot.joint_values import INERTIAL, configuration_vector, finite_after
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import UPRIGHT, Array
+
+CARRIED = [2, 3, 4]
+"""Rows of the momentum that a table carries: along z, about x and y."""
 
 
 def momentum_map(
@@ -108,6 +117,24 @@ def inertia_matrices(model: FreeFloatingModel, joints: npt.ArrayLike) -> tuple[A
     return A_G[..., 3:, 3:6], A_G[..., 3:, 6:]
 
 
+def conserved(model: FreeFloatingModel, A_G: Array) -> Array:
+    """A momentum matrix (..., 6, 6 + n) of what is conserved.
+
+    On a table, the rows of what it carries are those of the spacecraft's rates, which are zero.
+    """
+    if not model.on_table:
+        return A_G
+    A_G = np.array(A_G)
+    A_G[..., CARRIED, :] = np.eye(*A_G.shape[-2:])[CARRIED]
+    return A_G
+
+
+def conserved_inertias(model: FreeFloatingModel, joints: npt.ArrayLike) -> tuple[Array, Array]:
+    """D and Dq as :func:`inertia_matrices`, of what is conserved: see :func:`conserved`."""
+    A_G = conserved(model, momentum_map(model, joints))
+    return A_G[..., 3:, 3:6], A_G[..., 3:, 6:]
+
+
 def system_matrix(
     model: FreeFloatingModel, joints: npt.ArrayLike, task: Task | str = Task.POSE
 ) -> Array:
@@ -119,7 +146,8 @@ def system_matrix(
     the spacecraft frame, except the end-effector twist of ``pointing``, which is in the
     end-effector's. The linear velocity of the spacecraft is eliminated by zero linear momentum.
     Planar tasks keep only the components along the axes of their plane, see :class:`.Plane`: of
-    the angular momentum and of the spacecraft's angular velocity those about its normal.
+    the angular momentum and of the spacecraft's angular velocity those about its normal. So does a
+    robot on a table, whose spacecraft has no velocity along z.
 
     Args:
         model: Robot.
@@ -127,7 +155,8 @@ def system_matrix(
         task: Task or its value, such as ``"position"``.
 
     Returns:
-        Shape (3 + m, 3 + n), for planar tasks (1 + m, 1 + n); (K, ...) for a stack of joints.
+        Shape (3 + m, 3 + n), for planar tasks and on a table (1 + m, 1 + n); (K, ...) for a stack
+        of joints.
 
     Raises:
         InputError: If there is no such task, it is planar and the robot does not stay in the plane,
@@ -145,7 +174,8 @@ def system_matrix(
     J = J[..., prescribed_rows(model, task), :]
     J = J[..., 3:] - J[..., :3] @ (A_G[..., :3, 3:] / model.total_mass)
     A = np.concatenate([A_G[..., 3:, 3:], J], axis=-2)
-    return A[..., 2:, 2:] if task.planar else A
+    k = base_rotations(model, task)
+    return A[..., 3 - k :, 3 - k :]
 
 
 def system_matrix_derivative(
@@ -178,7 +208,8 @@ def system_matrix_derivative(
     J, dJ = J[..., rows, :], dJ[..., rows, :]
     dJ = dJ[..., 3:] - (dJ[..., :3] @ A_G[..., :3, 3:] + J[..., :3] @ dA_G[..., :3, 3:]) / mass
     dA = np.concatenate([dA_G[..., 3:, 3:], dJ], axis=-2)
-    return dA[..., 2:, 2:] if task.planar else dA
+    k = base_rotations(model, task)
+    return dA[..., 3 - k :, 3 - k :]
 
 
 def generalized_jacobian(
@@ -252,7 +283,8 @@ def generalized_determinant(
     D = A_G[..., 3:, 3:6]
     (xx, xy, xz), (_, yy, yz), (_, _, zz) = D.tolist() if D.ndim == 2 else np.moveaxis(D, 0, -1)
     det_D = xx * (yy * zz - yz * yz) - xy * (xy * zz - yz * xz) + xz * (xy * yz - yy * xz)
-    return np.linalg.det(M) / (model.total_mass**3 * det_D)
+    translations = 2 if model.on_table else 3
+    return np.linalg.det(M) / (model.total_mass**translations * det_D)
 
 
 def _configuration(
@@ -268,6 +300,7 @@ def _configuration(
 def _maps(model: FreeFloatingModel, joints: npt.ArrayLike, task: Task) -> tuple[Array, Array]:
     """The momentum matrix in the spacecraft frame and the end-effector Jacobian for the task.
 
+    On a table, rows of the momentum that it carries are the rates of the spacecraft instead.
     Their columns are those of the spacecraft and of the arms that follow paths. The Jacobians of
     these are stacked, shape (6 times their number, 6 + n). Those of planar tasks, and the
     spacecraft's columns, are along the axes of the plane.
@@ -287,6 +320,7 @@ def _spatial_maps(
     if model.path_arms:
         others = [pin.getFrameJacobian(robot, data, frame, axes) for frame in model.frame_ids[1:]]
         J = np.vstack([J, *others])
+    A_G = conserved(model, A_G)
     if model.arms:
         return A_G[:, : 6 + model.arm_dof], J[:, : 6 + model.arm_dof]
     return A_G, J
@@ -319,6 +353,8 @@ def _map_derivatives(
     # Pinocchio differentiates about a fixed point; the centre of mass moves in the spacecraft frame
     drift = np.cross(velocity, A_G[..., :3, :], axis=-2)
     dA_G = np.concatenate([dA_G[..., :3, :], dA_G[..., 3:, :] - drift], axis=-2)
+    if model.on_table:
+        A_G, dA_G[..., CARRIED, :] = conserved(model, A_G), 0.0
     columns = slice(6 + model.arm_dof)
     return tuple(_in_plane(model, task, M[..., columns]) for M in (A_G, J, dA_G, dJ))
 

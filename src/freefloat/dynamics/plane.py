@@ -138,6 +138,8 @@ def plane_of(model: FreeFloatingModel) -> Plane | None:
     if normal is None:
         return None
     plane = Plane.of_normal(normal)
+    if model.on_table and plane.is_level:  # which carries all other moments
+        return plane
     for fraction in low_discrepancy(4, model.dof):
         q = model.configuration(UPRIGHT, 2.0 * np.pi * fraction)
         A_G = pin.computeCentroidalMap(model.pin_model, model.scratch, q)[3:]

@@ -120,6 +120,9 @@ class Redundancy:
         if model.arms and self.metric is Metric.ENERGY:
             problem = "energy, but another arm moves along a joint curve"
             raise InputError("redundancy.metric", problem, "joints or weights of joints")
+        if model.on_table and model.path_arms and self.metric is Metric.ENERGY:
+            problem = "energy, but several arms follow paths on a table"
+            raise InputError("redundancy.metric", problem, "joints or weights of joints")
         massless = not any(body.mass for body in model.bodies[1 : 1 + len(arm)])
         if self.metric is Metric.ENERGY and massless:
             accepted = "joints, or an arm with mass"

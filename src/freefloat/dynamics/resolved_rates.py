@@ -35,7 +35,7 @@ import numpy as np
 import pinocchio as pin
 from scipy.linalg.lapack import dgeqrf, dgesv, dorgqr, dtrtrs
 
-from freefloat.dynamics.momentum import mass_matrix
+from freefloat.dynamics.momentum import CARRIED, mass_matrix
 from freefloat.dynamics.redundancy import (
     Metric,
     Redundancy,
@@ -91,6 +91,7 @@ class ResolvedRateSolver:
         self._b = np.zeros(6 + m + k)
         self._B = np.zeros((6, n + 1), order="F")
         self._b[3:6] = system.momentum
+        self._on_table, self._still = model.on_table, np.eye(6, 6 + n)[CARRIED]
         self._system, self._wheels = system, bool(system.wheels.any())
         self._redundancy = redundancy or Redundancy()
         self._weights = np.diag(joint_weights(model, self._redundancy))
@@ -183,6 +184,8 @@ class ResolvedRateSolver:
         robot, data, q, axes = self._robot, self._data, self._q, []
         q[3:7], q[7:] = attitude, joints
         M[:6] = pin.computeCentroidalMap(robot, data, q)
+        if self._on_table:
+            M[CARRIED] = self._still
         for frame, rows in self._parts:
             M[rows] = self._prescribed(pin.getFrameJacobian(robot, data, frame, self._frame))
             if self._own_axes:
@@ -264,6 +267,9 @@ class ResolvedRateSolver:
             momentum = pin.computeCentroidalDynamicsDerivatives(
                 robot, data, q, np.ascontiguousarray(motions[:, i]), no_acceleration
             )[0]
+            if self._on_table:
+                momentum = np.array(momentum)
+                momentum[CARRIED] = 0.0
             twist = np.array(pin.getFrameVelocityDerivatives(robot, data, frame, axes)[0][:, 6:])
             if not self._own_axes:
                 twist[:3] += np.cross(J[3:] @ motions[:, i], J[:3, 6:].T).T

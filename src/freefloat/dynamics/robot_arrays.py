@@ -53,8 +53,8 @@ def kernel_robot(model: FreeFloatingModel, task: Task, coefficients: Array | Non
         np.array([_tool(end - arm.dof, end, entry)
                   for end, arm, entry in zip(beyond, arms, frames, strict=True)]),
         in_frame(root, turn, np.zeros(3))[None], np.array(rows, dtype=float), len(arms),
-        int(beyond[-1]), len(rows), task.planar, task is Task.POINTING, singular_speed(task),
-        NO_ARMS,
+        int(beyond[-1]), len(rows), task.planar, model.on_table, task is Task.POINTING,
+        singular_speed(task), NO_ARMS,
     )  # fmt: skip
 
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import numpy.typing as npt
 
-from freefloat.dynamics.momentum import inertia_matrices, momentum_map
-from freefloat.errors import finite_vector, require_type
+from freefloat.dynamics.momentum import conserved, conserved_inertias, momentum_map
+from freefloat.errors import InputError, finite_vector, require_type
 from freefloat.robot.joint_values import finite_after
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.rotations import rotation_matrix
@@ -47,7 +47,12 @@ class System:
         require_type("model", self.model, FreeFloatingModel, "FreeFloatingModel.from_urdf(...)")
         keys = {"momentum": "momentum", "wheels": "wheels.momentum", "drift": "drift"}
         for name, key in keys.items():
-            object.__setattr__(self, name, frozen(finite_vector(key, getattr(self, name), 3)))
+            vector = frozen(finite_vector(key, getattr(self, name), 3))
+            object.__setattr__(self, name, vector)
+            if self.model.on_table and (vector[2:] if name == "drift" else vector[:2]).any():
+                accepted = "[vx, vy, 0]" if name == "drift" else "[0, 0, hz]"
+                problem = f"{vector.tolist()}, of which a table carries a part"
+                raise InputError(key, problem, accepted)
 
     @property
     def rotates(self) -> bool:
@@ -92,7 +97,7 @@ class System:
             InputError: If joints or rates are not those of the robot, or the attitude is no unit
                 quaternion.
         """
-        D, Dq = inertia_matrices(self.model, joints)
+        D, Dq = conserved_inertias(self.model, joints)
         if D.ndim == 2:
             attitude, rates = unit_quaternion("attitude", attitude), self._rates(rates)
         h = turned(rotation_matrix(attitude).swapaxes(-1, -2), self.momentum)
@@ -117,7 +122,7 @@ class System:
             InputError: If joints or rates are not those of the robot, or the attitude is no unit
                 quaternion.
         """
-        A_G = momentum_map(self.model, joints, attitude)
+        A_G = conserved(self.model, momentum_map(self.model, joints, attitude))
         linear = self.model.total_mass * self.drift
         demanded = np.concatenate([linear, self.body_momentum(attitude)])
         demanded -= A_G[:, 6:] @ self._rates(rates)

@@ -79,6 +79,14 @@ def prescribed_rows(model: FreeFloatingModel, task: Task) -> list[int]:
     return [6 * arm + row for arm in arms for row in task.rows]
 
 
+def base_rotations(model: FreeFloatingModel, task: Task) -> int:
+    """Number of axes about which the spacecraft turns: 1 in the plane and on a table, otherwise 3.
+
+    It is the last axis, the plane's normal.
+    """
+    return 1 if task.planar or model.on_table else 3
+
+
 def task_rows(model: FreeFloatingModel, task: Task, twists: Array) -> Array:
     """The task's rows of twists in the task's reference frame, one below the other for each arm.
 
@@ -107,6 +115,9 @@ def applicable(model: FreeFloatingModel, task: Task | str) -> Task:
 def required_plane(model: FreeFloatingModel, task: Task) -> Plane:
     """The plane of a planar task; an InputError if the robot does not stay in one."""
     plane = plane_of(model)
+    if plane is not None and model.on_table and not plane.is_level:
+        problem = f"{task}, but the arm moves in the {plane.name} and the table is the x-y plane"
+        raise InputError("task", problem, accepted_tasks(model))
     if plane is None:
         raise InputError(
             "task",

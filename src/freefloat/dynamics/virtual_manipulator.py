@@ -2,6 +2,9 @@
 
 Its base is at the system's centre of mass, its joints move with the real ones, its links are the
 barycentric vectors (17). At a given attitude the kinematics of fixed-base arms therefore apply.
+
+On a table the spacecraft keeps its height: z coordinates are those of the arm itself, from the root
+link's origin.
 """
 
 from __future__ import annotations
@@ -36,7 +39,9 @@ class VirtualManipulator:
         prismatic: Which joints are prismatic, shape (n,).
         strokes: Displacement of the virtual arm per metre of a prismatic joint, shape (n,).
         tool: Rotation from the end-effector frame into the last body's frame, shape (3, 3).
-        reach: Upper bound of the distance from the centre of mass to the end-effector [m].
+        reach: Upper bound of the distance from the centre of mass to the end-effector [m]; on a
+            table, as if the base were free.
+        upright: On a table, the arm on its spacecraft, whose z coordinates count; otherwise None.
     """
 
     links: Array
@@ -46,6 +51,7 @@ class VirtualManipulator:
     strokes: Array
     tool: Array
     reach: float
+    upright: VirtualManipulator | None = None
 
     @classmethod
     @lru_cache(maxsize=16)
@@ -66,7 +72,7 @@ class VirtualManipulator:
             stroke * max(abs(body.lower), abs(body.upper))
             for body, stroke in zip(arm, strokes, strict=True) if body.prismatic
         )  # fmt: skip
-        return cls(
+        virtual = cls(
             links=frozen(links),
             rotations=frozen([body.placement.rotation for body in arm]),
             axes=frozen([body.axis for body in arm]),
@@ -75,6 +81,10 @@ class VirtualManipulator:
             tool=frozen(model.tool.rotation),
             reach=float(np.linalg.norm(links, axis=1).sum() + extension),
         )
+        if not model.on_table:
+            return virtual
+        whole = frozen(np.ones(len(arm)))
+        return replace(virtual, upright=replace(virtual, links=frozen(steps), strokes=whole))
 
     @property
     def lengths(self) -> Array:
@@ -116,7 +126,25 @@ class VirtualManipulator:
             else:
                 R = R @ Rotation.from_rotvec(q[:, i, None] * self.axes[i]).as_matrix()
             p = p + R @ self.links[i + 1]
+        if self.upright:
+            p = np.column_stack([p[:, :2], self.upright.kinematics(q)[0][:, 2]])
         return p, R @ self.tool, np.array(points), np.array(axes)
+
+    def velocities(self, joints: npt.ArrayLike) -> tuple[Array, Array]:
+        """Velocities of the end-effector and of its rotation per joint rate, spacecraft frame.
+
+        Args:
+            joints: Shape (K, n).
+
+        Returns:
+            Shape (n, K, 3) each.
+        """
+        p, _, points, axes = replace(self, upright=None).kinematics(joints)
+        prismatic, strokes = (values[:, None, None] for values in (self.prismatic, self.strokes))
+        linear = np.where(prismatic, strokes * axes, np.cross(axes, p - points))
+        if self.upright:
+            linear[..., 2] = self.upright.velocities(joints)[0][..., 2]
+        return linear, np.where(prismatic, 0.0, axes)
 
     def pose(self, joints: npt.ArrayLike) -> Pose:
         """End-effector pose from the centre of mass, spacecraft frame, at joints (n,)."""
@@ -163,16 +191,22 @@ def first_moment(model: FreeFloatingModel) -> VirtualManipulator:
     virtual = VirtualManipulator.of(model)
     steps = [*(body.placement.position for body in model.bodies[1:]), model.tool.position]
     links, strokes = np.array(steps) - virtual.links, 1.0 - virtual.strokes
-    return replace(virtual, links=frozen(links), strokes=frozen(strokes))
+    return replace(virtual, links=frozen(links), strokes=frozen(strokes), upright=None)
 
 
 def reach_bound(model: FreeFloatingModel) -> float:
     """Upper bound of the distance from the centre of mass to the end-effector [m].
 
-    That of the first arm, where several follow paths. Others may displace the centre of mass.
+    That of the first arm, where several follow paths. Others may displace the centre of mass. On a
+    table the distance is that from below or above it, see :meth:`.FreeFloatingModel.configuration`.
     """
     first, *others = model.single_arms
-    reach = VirtualManipulator.of(first).reach
+    virtual = VirtualManipulator.of(first)
+    reach = virtual.reach
+    if virtual.upright:
+        strokes = np.abs(first.joint_ranges).max(axis=0)[first.prismatic].sum()
+        height = float(np.linalg.norm(virtual.upright.links, axis=1).sum() + strokes)
+        reach = float(np.hypot(reach, height))
     for arm in others:
         moment, ranges = first_moment(arm), np.abs(arm.joint_ranges).max(axis=0)
         strokes = (moment.strokes * ranges)[arm.prismatic].sum()

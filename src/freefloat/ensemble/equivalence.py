@@ -113,7 +113,7 @@ def equivalents(
         np.broadcast_to(value, (count, 3)) if given is None else broadcast(key, given, (count, 3))
         for (key, given), value in zip(vectors.items(), nominals, strict=True)
     )
-    if problem.task.planar:
+    if problem.has_headings:
         for key, values in (("momenta", h), ("wheels", w)):
             require_along_normal(key, problem.plane, values)
         require_in_plane("drifts", problem.plane, v)

@@ -125,7 +125,10 @@ class Robots:
         from_end = reduce(np.add, moments.swapaxes(0, 1)) / self.total_masses  # in link frame 0
         axes = self.base[:, :3].swapaxes(1, 2)
         moved = -(axes @ from_end.T[..., None])[..., 0] - self.base[:, 3] - centre
-        return replace(self, offsets=(R @ moved[..., None])[..., 0])  # each by itself
+        offsets = (R @ moved[..., None])[..., 0]  # each by itself
+        if model.on_table:
+            offsets[..., 2] = 0.0
+        return replace(self, offsets=offsets)
 
     def properties(self, problem: Problem) -> Array:
         """What the kernels read of robots for a problem's task and measure, shape (K, C)."""
@@ -138,7 +141,7 @@ class Robots:
     def suit(self, problem: Problem) -> BoolArray:
         """Which robots suit the task and the measure of the model's problem, shape (K,)."""
         suited = np.ones(len(self), dtype=bool)
-        if problem.task.planar:
+        if problem.task.planar and not self.nominal.on_table:
             suited &= self._are_planar(problem.plane)
         if problem.margin.measure.name == "arm":
             suited &= ArmPlane.of(self.frames).is_symmetric(self.bodies)

@@ -137,7 +137,7 @@ def _attitudes(
     problem: Problem, attitudes: npt.ArrayLike | None, headings: npt.ArrayLike | None
 ) -> Array:
     """Checked, normalized attitudes, shape (4,) or (K, 4)."""
-    if headings is not None and attitudes is None and problem.task.planar:
+    if headings is not None and attitudes is None and problem.has_headings:
         angles = number_array("headings", headings, "angles [rad]")
         if angles.ndim > 1 or not angles.size or not np.isfinite(angles).all():
             raise InputError("headings", f"{angles.tolist()} was given", "finite angles [rad]")

@@ -1,7 +1,7 @@
 """Arms of a robot that reach poses at the same time.
 
 An arm sees the others by their common centre of mass alone: where they displace it by d, its
-end-effector is displaced by -d.
+end-effector is displaced by -d, on a table by the horizontal part.
 """
 
 from __future__ import annotations
@@ -48,7 +48,8 @@ class Arm:
         """Displacement (3, N) of the centre of mass from zero joints to joints (n, N)."""
         moment = first_moment(self.model)
         positions, *_ = moment.kinematics(q.T)
-        return np.asarray((positions - moment.pose(np.zeros(self.model.dof)).position).T)
+        moved = np.asarray((positions - moment.pose(np.zeros(self.model.dof)).position).T)
+        return moved * [[1.0], [1.0], [0.0]] if self.model.on_table else moved
 
     @cached_property
     def mean_displacement(self) -> Array:

@@ -118,6 +118,8 @@ class ClosedForm(Enum):
 def closed_form(model: FreeFloatingModel, task: Task) -> ClosedForm | None:
     """The closed form of an arm's branches for a task, None where they are searched for."""
     virtual = VirtualManipulator.of(model)
+    if model.on_table and not task.planar:
+        return None
     if task is Task.POSE and virtual.has_elbow_and_spherical_wrist:
         return ClosedForm.ELBOW_AND_WRIST
     if task.planar and len(task.rows) == model.dof and not virtual.prismatic.any():

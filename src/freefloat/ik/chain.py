@@ -14,6 +14,8 @@ from freefloat.ik.vectors import wrapped
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array
 
+_VERTICAL = 1e-9
+"""Sine of the angle between an axis and a vertical one that is a rounding error."""
 SAME = 1e-5
 """Largest joint difference of equal solutions [rad, m]."""
 
@@ -27,6 +29,10 @@ class Chain:
         axes: Joint axes, shape (3, n).
         position: Position of the end-effector [m], shape (3,).
         rotation: From the end-effector frame, shape (3, 3).
+        last: From the last joint to the end-effector [m], shape (3,).
+        last_upright: The same vector whose z component counts in the spacecraft frame: on a table
+            of the arm itself [m], shape (3,).
+        swings: Whether the first joint rotates the arm about an axis of the spacecraft.
         prismatic: Which joints are prismatic, shape (n,).
         lower: Lower ends of the joint ranges, shape (n,).
         upper: Upper ends, shape (n,).
@@ -36,6 +42,9 @@ class Chain:
     axes: Array
     position: Array
     rotation: Array
+    last: Array
+    last_upright: Array
+    swings: bool
     prismatic: npt.NDArray[np.bool_]
     lower: Array
     upper: Array
@@ -46,8 +55,15 @@ class Chain:
         """The virtual manipulator of a robot."""
         virtual = VirtualManipulator.of(model)
         p, R, points, axes = virtual.kinematics(np.zeros(len(virtual.axes)))
+        swings, last = not virtual.prismatic[0], p[0] - points[-1, 0]
+        last_upright = last
+        if virtual.upright:
+            swings = swings and np.linalg.norm(axes[0, 0, :2]) < _VERTICAL
+            in_last_body = R[0] @ virtual.tool.T
+            last, last_upright = (in_last_body @ v.links[-1] for v in (virtual, virtual.upright))
         return cls(
-            points[:, 0].T, axes[:, 0].T, p[0], R[0], virtual.prismatic, *model.joint_ranges
+            points[:, 0].T, axes[:, 0].T, p[0], R[0], last, last_upright, bool(swings),
+            virtual.prismatic, *model.joint_ranges,
         )  # fmt: skip
 
     @property

@@ -16,6 +16,7 @@ from freefloat.dynamics.kernels.kinematics import (
     TIP_Y,
     TIP_Z,
     in_task,
+    path_origin,
     place_arms,
     write_columns,
 )
@@ -156,7 +157,8 @@ def _take_step(robot: Robot, work: Workspace) -> None:
 def _linearize(robot: Robot, work: Workspace) -> Float:
     """Write errors of the poses and their Jacobian; the errors' norm."""
     solver, still = work.solver, vector(0.0, 0.0, 0.0)
-    M, c, _ = place_arms(robot, work.q, solver)
+    M, _, _ = place_arms(robot, work.q, solver)
+    c = path_origin(robot, solver)
     b, square = solver.b, 0.0 * M
     for e in range(robot.arms):
         for j in joints_of(robot, e):

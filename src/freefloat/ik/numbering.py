@@ -43,7 +43,8 @@ def numbered_branches(model: FreeFloatingModel, task: Task, q: Array) -> tuple[A
     if square:
         virtual = VirtualManipulator.of(model)
         placed = virtual.kinematics(q[:, exist].T)
-        negative = np.linalg.det(_jacobians(model, task, *placed)) < 0.0
+        velocities = virtual.velocities(q[:, exist].T)
+        negative = np.linalg.det(_jacobians(model, task, placed[1], *velocities)) < 0.0
         if len(q) == 6 and not virtual.prismatic.any():
             names[exist] = sign_patterns(*placed[2:], negative)
         else:
@@ -57,18 +58,13 @@ def numbered_branches(model: FreeFloatingModel, task: Task, q: Array) -> tuple[A
 
 
 def _jacobians(
-    model: FreeFloatingModel, task: Task, positions: Array, rotations: Array, points: Array,
-    axes: Array,
-) -> Array:  # fmt: skip
+    model: FreeFloatingModel, task: Task, rotations: Array, linear: Array, angular: Array
+) -> Array:
     """The task's rows of the virtual manipulator's Jacobians (N, m, n).
 
-    Arguments are what :meth:`.VirtualManipulator.kinematics` returns.
+    Arguments are rotations of the end-effector (N, 3, 3), and what
+    :meth:`.VirtualManipulator.velocities` returns.
     """
-    prismatic, strokes = (
-        values[:, None, None] for values in (model.prismatic, VirtualManipulator.of(model).strokes)
-    )
-    linear = np.where(prismatic, strokes * axes, np.cross(axes, positions - points))
-    angular = np.where(prismatic, 0.0, axes)
     if task is Task.POINTING:  # along the end-effector's axes
         angular = np.einsum("nki,kij->nkj", angular, rotations)
     twists = np.moveaxis(np.concatenate([linear, angular], axis=-1), -1, 0)

@@ -81,7 +81,7 @@ class PoseTable:
         probes = np.random.default_rng(0).random((_PROBES, model.dof))
         points = np.concatenate([low_discrepancy(_SAMPLES, model.dof), probes])
         joints = (lower + (upper - lower) * points).T
-        if not model.prismatic[0]:
+        if chain.swings:
             joints[0] = 0.0
         if _last_follows(chain, task):
             joints[-1] = 0.0
@@ -111,7 +111,7 @@ class PoseTable:
         )
         index = np.minimum(index.T, _SAMPLES - 1)
         q: Array = self.joints.take(index, axis=1)
-        if not self.chain.prismatic[0]:
+        if self.chain.swings:
             q[0] = wrapped(wanted.angle - self.features.angle[index])
         if _last_follows(self.chain, self.task):
             start, end = self.features.across.take(index, axis=1), wanted.across
@@ -141,14 +141,16 @@ def _features(
     change = product(rotations, chain.rotation.T[..., None])
     last = _last_follows(chain, task)
     if last:
-        positions = positions - times(change, (chain.position - chain.points[:, -1])[:, None])
+        offsets = times(change, chain.last[:, None])
+        offsets[2] = times(change, chain.last_upright[:, None])[2]
+        positions = positions - offsets
     pointing = task is Task.POINTING
     last_axis = chain.rotation[:, 2] if pointing else chain.axes[:, -1]
     axis, across = (times(change, v[:, None]) for v in axis_frame(last_axis)[:, [2, 0]].T)
     frame = axis_frame(chain.axes[:, 0])
     p, axis, across = (frame.T @ v for v in (positions - chain.points[:, :1], axis, across))
     angle = np.zeros(p.shape[1])
-    if not chain.prismatic[0]:
+    if chain.swings:
         angle = np.arctan2(p[1], p[0])
         c, s = np.cos(angle), np.sin(angle)
         p, axis, across = (

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from freefloat.dynamics.momentum import inertia_matrices
+from freefloat.dynamics.momentum import conserved_inertias
 from freefloat.errors import IntegrationError
 from freefloat.motion.joint_spline import JointSpline
 from freefloat.motion.motion import Ending, Motion
@@ -55,7 +55,7 @@ def integrate_spline(problem: Problem, spline: JointSpline, attitude: Array) -> 
     s, speed = timing.s(times), timing.s(times, 1)
     joints = spline.at(s)
     rates, momentum = spline.at(s, 1) * speed[:, None], np.array(system.momentum, dtype=float)
-    D, Dq = inertia_matrices(problem.model, joints)
+    D, Dq = conserved_inertias(problem.model, joints)
     inverse_D = np.asarray(np.linalg.inv(D), dtype=float)
     own = -turned(inverse_D, turned(Dq, rates) + system.wheels)
     quaternions, last = [], attitude

@@ -145,13 +145,20 @@ class Problem:
         """The robot with its momentum, wheels and drift."""
         return System(self.model, self.momentum, self.wheel_momentum, self.path.drift)
 
+    @property
+    def has_headings(self) -> bool:
+        """Whether the spacecraft turns in a plane: of planar tasks, and on a table."""
+        return self.task.planar or self.model.on_table
+
     @cached_property
     def plane(self) -> Plane:
-        """The plane of a planar task, which spacecraft and inertial frame have in common.
+        """The plane in which the spacecraft turns, common to its frame and the inertial frame.
 
         Raises:
             InputError: If the robot does not stay in one.
         """
+        if self.model.on_table and not self.task.planar:
+            return Plane.of_normal(np.eye(3)[2])
         return required_plane(self.model, self.task)
 
     @property
@@ -274,17 +281,18 @@ class Problem:
 
         Args:
             values: Quaternion x, y, z, w.
-            heading: For planar tasks, in its place: the angle about the normal of the plane [rad].
+            heading: For planar tasks and on a table, in its place: the angle about the normal of
+                the plane [rad].
             key: Named in errors.
 
         Returns:
             The unit quaternion, shape (4,).
 
         Raises:
-            InputError: If it is no unit quaternion or, for planar tasks, not a rotation about the
-                normal; if both or neither are given, or a heading for another task.
+            InputError: If it is no unit quaternion or, where the spacecraft turns in a plane, not a
+                rotation about its normal; if both or neither are given, or a heading elsewhere.
         """
-        plane = self.plane if self.task.planar else None
+        plane = self.plane if self.has_headings else None
         return checked_attitude(self.task, plane, values, heading, key)
 
     def branches(self, attitude: npt.ArrayLike, t: float = 0.0) -> tuple[ArmBranch, ...]:

@@ -126,4 +126,5 @@ def _momentum_errors(problem: Problem, values: Array, rates: Array) -> Array:
     base = np.einsum("kij,ki->kj", rotation_matrix(attitudes), rates[:, -3:])
     v = np.column_stack([base, omega, rates[:, 5:-3]])
     momentum = turned(momentum_map(problem.model, values[:, 5:-3], attitudes)[:, 3:], v)
-    return np.asarray(np.linalg.norm(momentum - problem.system.body_momentum(attitudes), axis=1))
+    errors = momentum - problem.system.body_momentum(attitudes)
+    return np.asarray(np.linalg.norm(errors[:, 2 if problem.model.on_table else 0 :], axis=1))

@@ -10,7 +10,7 @@ import numpy as np
 
 from freefloat.dynamics.measures import unit_factors
 from freefloat.dynamics.momentum import system_matrix, system_matrix_derivative
-from freefloat.dynamics.tasks import Task, prescribed_rows
+from freefloat.dynamics.tasks import Task, base_rotations, prescribed_rows
 from freefloat.motion.motion import Ending, Motion
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array
@@ -95,7 +95,7 @@ def singularity_kind(model: FreeFloatingModel, task: Task, joints: Array) -> Sin
     the same side, the arm is stretched or folded, and there is no configuration beyond. Otherwise,
     as where axes of a wrist align, there is.
     """
-    m, k = len(prescribed_rows(model, task)), 1 if task.planar else 3
+    m, k = len(prescribed_rows(model, task)), base_rotations(model, task)
     rows, columns = unit_factors(model, task)
     left, values, right = np.linalg.svd(
         rows[:, None] * system_matrix(model, joints, task)[k:, k:] * columns

@@ -69,7 +69,7 @@ class _FurtherSearch:
             plan.search.objective, plan.search.from_attitude, limits, evaluator, _margins(plan)
         )
         self._pattern: Pattern = Clouds()
-        if plan.problem.task.planar:
+        if plan.problem.has_headings:
             self._pattern = Turns(plan.problem.plane.normal)
         self._tried = 0
 

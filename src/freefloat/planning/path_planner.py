@@ -40,7 +40,7 @@ def plan_path(
     timing, it lacks certificate, contact and tolerances.
     """
     evaluator = evaluator_for(problem, threads, limits, search)
-    planner = plan_in_plane if problem.task.planar else plan_in_space
+    planner = plan_in_plane if problem.has_headings else plan_in_space
     result = planner(evaluator, search, limits, progress)
     kept = limits.without_timed if limits is not None and to_retime else limits
     if kept is not None:

@@ -120,7 +120,7 @@ class Plan(Answer):
     @property
     def heading(self) -> float | None:
         """Planar tasks: the chosen heading [rad], in [0, 2 pi)."""
-        if self.chosen is None or not self.problem.task.planar:
+        if self.chosen is None or not self.problem.has_headings:
             return None
         return self.problem.plane.heading(self.chosen.motion.initial.attitude)
 

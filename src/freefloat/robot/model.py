@@ -13,8 +13,9 @@ import numpy.typing as npt
 import pinocchio as pin
 
 from freefloat.attitude_grids import low_discrepancy
-from freefloat.errors import InputError, ModelError, finite_vector, require_type
+from freefloat.errors import InputError, ModelError, finite_vector, member, require_type
 from freefloat.robot.assembly import assemble, end_effector_link, scaled
+from freefloat.robot.base import Base
 from freefloat.robot.bundled import find_robot
 from freefloat.robot.description import Joint, RobotDescription, UrdfDiagnostic
 from freefloat.robot.joint_values import configuration_vector
@@ -55,6 +56,7 @@ class FreeFloatingModel:
             chain that are not named.
         arms: End-effector links of further arms that move along joint curves, by the arm's name.
         path_arms: Those of further arms that follow paths of their own, see :meth:`with_paths`.
+        base: What the spacecraft is free to do, or its value, such as ``"planar"``.
         moving_joints: The joints that move, from the spacecraft to the end-effector, then those of
             the further arms.
         arm_dof: Number of joints of all arms that follow paths, the first in joint vectors.
@@ -76,10 +78,12 @@ class FreeFloatingModel:
     fixed_joints: Mapping[str, float]
     arms: Mapping[str, str] = field(default_factory=dict)
     path_arms: Mapping[str, str] = field(default_factory=dict)
+    base: Base = Base.FREE
     moving_joints: tuple[Joint, ...] = field(init=False, repr=False)
     arm_dof: int = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "base", member("base", Base, self.base))
         joints = moving_joints(self.description, self.end_effector_link, self.fixed_joints)
         joints += joints_of_arms(self.description, self.path_arms, joints, self.fixed_joints)
         object.__setattr__(self, "arm_dof", len(joints))
@@ -99,6 +103,7 @@ class FreeFloatingModel:
         spacecraft: Spacecraft | None = None,
         payload: Payload | None = None,
         attached: Sequence[Attachment] = (),
+        base: Base | str = Base.FREE,
     ) -> FreeFloatingModel:
         """Load a robot whose root link is the spacecraft, or an arm with its spacecraft.
 
@@ -115,6 +120,7 @@ class FreeFloatingModel:
             spacecraft: Carries the arm, see :func:`~freefloat.robot.assembly.assemble`.
             payload: Fixed to the end-effector.
             attached: Further URDFs, fixed to links.
+            base: What the spacecraft is free to do, ``"free"`` or ``"planar"``.
 
         Raises:
             InputError: If a part or a factor has another type, or a fixed joint is out of range.
@@ -137,7 +143,8 @@ class FreeFloatingModel:
         if end_effector is None:
             end_effector = end_effector_link(description, None)
         require_within_ranges(description, fixed_joints or {})
-        return cls(description, end_effector, dict(fixed_joints or {}), dict(arms or {}))
+        fixed, further = dict(fixed_joints or {}), dict(arms or {})
+        return cls(description, end_effector, fixed, further, base=member("base", Base, base))
 
     def scaled(self, scale_mass: float | Mapping[str, float]) -> FreeFloatingModel:
         """The robot with a factor on every mass and inertia, or on those of named links."""
@@ -209,7 +216,7 @@ class FreeFloatingModel:
         if self.has_one_arm:
             return (self,)
         return tuple(
-            FreeFloatingModel(self.description, link, self.fixed_joints)
+            FreeFloatingModel(self.description, link, self.fixed_joints, base=self.base)
             for link in (self.end_effector, *self.path_arms.values())
         )
 
@@ -218,12 +225,19 @@ class FreeFloatingModel:
             q = self.configuration(UPRIGHT, joints)
             inertia = pin.computeCentroidalMap(self.pin_model, self.scratch, q)[3:, 3:6]
             moments = np.abs(np.linalg.eigvalsh(inertia))
+            if self.on_table:
+                moments = np.abs(inertia[2:, 2])
             if moments.min() > _REGULAR * moments.max():
                 return
         shown = ", ".join(f"{moment:.3g}" for moment in moments)
         problem = f"the whole robot has the principal moments of inertia {shown} kg m²"
         accepted = "positive moments in the <inertia> of the spacecraft or the arm"
         raise ModelError("robot", problem, accepted, self.description.source)
+
+    @property
+    def on_table(self) -> bool:
+        """Whether the spacecraft moves along x and y and turns about z only."""
+        return self.base is Base.PLANAR
 
     def __getstate__(self) -> dict[str, Any]:
         return {entry.name: getattr(self, entry.name) for entry in fields(self)}
@@ -346,6 +360,8 @@ class FreeFloatingModel:
     def configuration(self, attitude: npt.ArrayLike, joints: npt.ArrayLike) -> Array:
         """Pinocchio's configuration vector with the system's centre of mass at the origin.
 
+        On a table the origin is below or above it, at the height of the spacecraft's root link.
+
         Args:
             attitude: Unit quaternion x, y, z, w, shape (4,) or (K, 4).
             joints: Joint values, shape (n,) or (K, n).
@@ -362,6 +378,8 @@ class FreeFloatingModel:
             return np.array([self.configuration(*state) for state in states])
         q = configuration_vector(attitude, joints, self.dof)
         q[:3] = -pin.centerOfMass(self.pin_model, self.scratch, q)
+        if self.on_table:
+            q[2] = 0.0
         return q
 
     def base_position(self, attitude: npt.ArrayLike, joints: npt.ArrayLike) -> Array:
@@ -369,7 +387,7 @@ class FreeFloatingModel:
         return self.configuration(attitude, joints)[..., :3]
 
     def end_effector_pose(self, attitude: npt.ArrayLike, joints: npt.ArrayLike) -> Pose:
-        """Pose of the end-effector in the inertial frame, whose origin is the centre of mass."""
+        """Pose of the end-effector in the inertial frame, see :meth:`configuration`."""
         return self.end_effector_poses(attitude, joints)[0]
 
     def end_effector_poses(

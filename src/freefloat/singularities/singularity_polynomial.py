@@ -15,7 +15,7 @@ import numpy as np
 from freefloat.attitude_grids import low_discrepancy
 from freefloat.dynamics.joint_space import joint_box
 from freefloat.dynamics.momentum import system_matrix
-from freefloat.dynamics.tasks import Task, require_task
+from freefloat.dynamics.tasks import Task, base_rotations, require_task
 from freefloat.errors import InputError, finite_number
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.singularities.joint_polynomial import JointBasis, JointPolynomial, along
@@ -112,7 +112,7 @@ def determinants(model: FreeFloatingModel, joints: Array, task: Task) -> Array:
     A = system_matrix(model, joints, task)
     if A.shape[-1] == A.shape[-2]:
         return np.asarray(np.linalg.det(A))
-    k = 1 if task.planar else 3
+    k = base_rotations(model, task)
     D = A[:, :k, :k]
     S = A[:, k:, k:] - A[:, k:, :k] @ np.linalg.solve(D, A[:, :k, k:])
     return np.asarray(np.linalg.det(S @ S.swapaxes(1, 2)) * np.linalg.det(D) ** 2)
@@ -120,7 +120,7 @@ def determinants(model: FreeFloatingModel, joints: Array, task: Task) -> Array:
 
 def locked_inertia_polynomial(model: FreeFloatingModel, task: Task) -> JointPolynomial:
     """Det D, which is positive, as a polynomial of the joints."""
-    k = 1 if task.planar else 3
+    k = base_rotations(model, task)
     return fitted(lambda q: np.linalg.det(system_matrix(model, q, task)[:, :k, :k]), model)
 
 

@@ -132,7 +132,7 @@ def _columns(group: Group, motions: ManyMotions, decided: IntArray) -> dict[str,
         "decided_by": np.array(DECIDERS)[motions.deciders[decided]],
     }
     columns |= _extremes(group, motions, decided) | _limiting(group, motions, decided)
-    if group.problem.task.planar:
+    if group.problem.has_headings:
         plane = group.problem.plane
         columns["heading_deg"] = np.degrees([plane.heading(attitude) for attitude in attitudes])
     if group.study.contact_unchecked is not None:

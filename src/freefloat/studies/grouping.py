@@ -151,7 +151,7 @@ def _unfit_values(
     turned = _moves_with_robot(scenario) and frame is not PathFrame.SPACECRAFT
     if turned and _mounts_vary(parameters):
         yield f"the mount varies, and with it the {frame} frame of the path"
-    if "heading_deg" in parameters and not problem.task.planar:
+    if "heading_deg" in parameters and not problem.has_headings:
         yield "heading_deg varies, but the task is not planar"
 
 

@@ -172,7 +172,7 @@ def _accepted(name: str, array: Array, problem: Problem) -> BoolArray:
             accepted &= (rows[:, 0] >= MASS_FACTORS[0]) & (rows[:, 0] <= MASS_FACTORS[1])
         elif name == "thresholds":
             accepted &= rows[:, 0] >= 0.0
-        elif problem.task.planar:
+        elif problem.has_headings:
             seen = np.nan_to_num(problem.plane.seen(rows[:, :3]))
             tilt = seen[:, 2:] if name == "drifts" else seen[:, :2]
             accepted &= (np.abs(tilt) <= (_LEVEL if name == "attitudes" else 0.0)).all(axis=1)

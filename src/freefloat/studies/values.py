@@ -122,7 +122,7 @@ def motion_values(chosen: SimulatedBranch) -> dict[str, Any]:
     """The values of a motion by itself."""
     motion = chosen.motion
     attitude = motion.initial.attitude.tolist()
-    planar = motion.problem.task.planar
+    planar = motion.problem.has_headings
     return {
         **_margin_values(chosen),
         "branch": chosen.branch.index,

@@ -63,7 +63,7 @@ def known_robustness(plan: Plan) -> dict[str, Any]:
     optimal = problem.path.timing.law is TimeLaw.OPTIMAL
     retimed = optimal and problem.depends_on_timing
     known: dict[str, Any] = {}
-    if problem.task.planar:
+    if problem.has_headings:
         again = plan_in_plane(evaluator, search, plan.limits)
         known |= dict.fromkeys(("map", "radius_effort", "tolerance")) | {"disagreements": ()}
         if again.reason == plan.reason:  # limits may lead to another heading, for another reason
@@ -104,7 +104,7 @@ def robustness_checks(plan: Plan, chosen: SimulatedBranch) -> Iterator[Check]:
             yield Check("robustness", False, f"{key} is {value}", value)
             return
     evaluator = evaluator_for(plan.problem, limits=plan.limits)
-    if plan.problem.task.planar:
+    if plan.problem.has_headings:
         yield _heading_check(plan, evaluator)
         return
     if plan.robust_radius:  # a radius of zero: nothing to check

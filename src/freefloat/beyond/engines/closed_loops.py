@@ -101,7 +101,7 @@ class _Controller:
         measured = Rotation.from_rotvec(rotation) * rotations
         error = _pose_errors(self._problem, positions + position, measured, t)
         attitudes = (Rotation.from_rotvec(turn) * Rotation.from_quat(plants.attitudes)).as_quat()
-        if self._problem.task.planar:  # the heading
+        if self._problem.has_headings:  # the heading
             attitudes = self._problem.plane.levelled(attitudes)
         twist, speed = self._problem.path.twist_and_speed((t + following) / 2.0)
         rates = self.solver.rates(
@@ -130,7 +130,7 @@ def _pose_errors(problem: Problem, positions: Array, rotations: Rotation, t: flo
         turns, rows = sines / np.sinc(angles / np.pi)[:, None], list(range(6))
     else:
         turns = (Rotation.from_matrix(target.rotation) * rotations.inv()).as_rotvec()
-    axes = problem.plane.axes if problem.task.planar else np.eye(3)
+    axes = problem.plane.axes if problem.has_headings else np.eye(3)
     errors = np.zeros((len(positions), 2, 3))
     offsets = np.stack([target.position - positions, turns], axis=1) @ axes
     errors.reshape(-1, 6)[:, rows] = offsets.reshape(-1, 6)[:, rows]

@@ -126,7 +126,7 @@ def _off_path(motion: Motion, engine: Engine, t: float) -> float:
     rows = [row for row in motion.problem.task.rows if row < 3]
     places = [path.path.curve(path.timing.s(t)) for path in motion.problem.path.every]
     offsets = engine.end_effector_positions() - np.array(places)
-    if motion.problem.task.planar:
+    if motion.problem.has_headings:
         offsets = motion.problem.plane.seen(offsets)
     return float(np.linalg.norm(offsets[:, rows], axis=1).max())
 

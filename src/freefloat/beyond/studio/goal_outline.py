@@ -26,8 +26,8 @@ def goal_outline(
     """
     return {
         "is_goal": True,
-        "planar": problem.task.planar,
-        "normal": problem.plane.normal.tolist() if problem.task.planar else None,
+        "planar": problem.has_headings,
+        "normal": problem.plane.normal.tolist() if problem.has_headings else None,
         "size": thickness(problem),
         "lines": [],
         **_handle(scenario, goal, problem, attitude, joints),

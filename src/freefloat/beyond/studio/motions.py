@@ -90,7 +90,7 @@ def motion_answer(
 
 def place(problem: Problem, attitude: Array) -> dict[str, Any]:
     """An attitude as a quaternion, and where the ball and the dial show it."""
-    heading = float(np.degrees(problem.plane.heading(attitude))) if problem.task.planar else None
+    heading = float(np.degrees(problem.plane.heading(attitude))) if problem.has_headings else None
     return {
         "attitude": attitude.tolist(),
         "rotation_vector": rotation_vectors(attitude).tolist(),

@@ -47,8 +47,8 @@ def outline(scenario: Scenario, problem: Problem, largest: float) -> dict[str, A
     fraction = content.margin.fraction
     return {
         "is_goal": False,
-        "planar": problem.task.planar,
-        "normal": problem.plane.normal.tolist() if problem.task.planar else None,
+        "planar": problem.has_headings,
+        "normal": problem.plane.normal.tolist() if problem.has_headings else None,
         "size": thickness(problem),
         "lines": [
             _positions(path, np.linspace(0.0, 1.0, _DRAWN)).round(6).tolist()

@@ -61,7 +61,7 @@ class PathAnalysis(Analysis):
     @property
     def levels(self) -> tuple[int, ...]:
         """Sizes of its maps."""
-        return _HEADINGS if self._problem.task.planar else _ATTITUDES
+        return _HEADINGS if self._problem.has_headings else _ATTITUDES
 
     def outline(self) -> Answer:
         """The path, its handles and the values of the sliders."""
@@ -88,7 +88,7 @@ class PathAnalysis(Analysis):
             progress: Called during the computation; may raise an exception to abandon it.
         """
         samples, last = self.levels[self.level], self.level + 1 == len(self.levels)
-        if self._problem.task.planar:
+        if self._problem.has_headings:
             headings = sample_headings(self._evaluator, samples, self._search, progress)
             ranges = plan_in_plane(self._evaluator, self._search).ranges if last else None
             self._map, (content, reasons) = headings, dial(headings, ranges)

@@ -34,12 +34,14 @@ from freefloat.lockstep.compilation import inlined, inner
 from freefloat.lockstep.lanes import Float
 from freefloat.lockstep.reflections import factorize, solve_least_norm
 from freefloat.lockstep.tables import Table, get_vector, set_vector
-from freefloat.lockstep.vectors import Vector, components, cross
+from freefloat.lockstep.vectors import Vector, components, cross, vector
 
 
 @inner
 def form_jacobian(robot: Robot, q: Table, work: Solver) -> tuple[Float, Inertia, Float]:
     """Write the columns of S* of (7) into the rows of ``work.S``, momenta into ``work.momenta``.
+
+    On a table D has a zz element alone, and column j of -Dq is written in place of L.
 
     Returns:
         One over the mass, inverse and determinant of D; for planar tasks the latter is its zz
@@ -48,13 +50,19 @@ def form_jacobian(robot: Robot, q: Table, work: Solver) -> tuple[Float, Inertia,
     M, _, D = place_arms(robot, q, work)
     share, w = 1.0 / M, work.momenta
     inverse_D, det_D = inverse(D)
-    if robot.planar:
+    if robot.planar or robot.on_table:
         det_D = components(D.diagonal)[2]
+    if robot.on_table:
+        none = 0.0 * det_D
+        inverse_D = Inertia(vector(none, none, 1.0 / det_D), vector(none, none, none))
     for e in range(robot.arms):
         for j in joints_of(robot, e):
+            a, slides = get_vector(w, j, AXIS), robot.joints[j, PRISMATIC] != 0.0
+            if robot.on_table and not slides:
+                set_vector(w, j, ANGULAR, get_vector(w, j, ANGULAR) - times(D, a))
             turn = times(inverse_D, get_vector(w, j, ANGULAR))
-            if robot.joints[j, PRISMATIC] == 0.0:
-                turn = turn - get_vector(w, j, AXIS)
+            if not (slides or robot.on_table):
+                turn = turn - a
             set_vector(w, j, TURN, turn)
             write_columns(robot, e, j, share, turn, work)
     return share, inverse_D, det_D
@@ -85,6 +93,9 @@ def solve_rates(robot: Robot, q: Table, h: Vector, work: Solver) -> tuple[Vector
     b, c, P = work.b, get_vector(work.centre, 0, 0), h * 0.0
     if robot.further.number > 0:  # which have momentum
         P = get_vector(work.carried, 0, 0)
+        if robot.on_table:
+            x, y, z = components(P)
+            P = vector(x, y, 0.0 * z)
         h = h - (get_vector(work.carried, 1, 0) - cross(c, P))
     drift = times(inverse_D, h)
     for e in range(robot.arms):

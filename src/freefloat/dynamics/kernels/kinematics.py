@@ -215,6 +215,38 @@ def spacecraft(robot: Robot, row: int, q: Table, work: Solver) -> tuple[Vector, 
 
 
 @inlined
+def path_origin(robot: Robot, work: Solver) -> Vector:
+    """Origin of the path's frame: the centre of mass, on a table at the spacecraft's height."""
+    c = get_vector(work.centre, 0, 0)
+    if not robot.on_table:
+        return c
+    x, y, z = components(c)
+    return vector(x, y, 0.0 * z)
+
+
+@inlined
+def rigid_velocity(robot: Robot, j: int, share: Float, work: Solver) -> Vector:
+    """Velocity at the centre of mass of the bodies beyond joint j, per rate of that joint.
+
+    Args:
+        robot: Data of the robot.
+        j: Number of the joint.
+        share: One over the mass.
+        work: Solver, with the link frames.
+    """
+    w = work.momenta
+    v = get_vector(w, j, LINEAR) * share
+    if not robot.on_table:
+        return v
+    lift = get_vector(w, j, AXIS)
+    if robot.joints[j, PRISMATIC] == 0.0:
+        lift = cross(lift, get_vector(work.centre, 0, 0) - get_vector(w, j, POINT))
+    x, y, _ = components(v)
+    _, _, z = components(lift)  # while the spacecraft keeps its height
+    return vector(x, y, z)
+
+
+@inlined
 def in_task(robot: Robot, e: int, omega: Vector, work: Solver) -> Vector:
     """The components of an angular velocity from which the task of an arm takes its rows.
 
@@ -241,7 +273,7 @@ def write_columns(
         work: Solver, with the link frames.
     """
     w, S, c = work.momenta, work.S, get_vector(work.centre, 0, 0)
-    a, v = get_vector(w, j, AXIS), get_vector(w, j, LINEAR) * share
+    a, v = get_vector(w, j, AXIS), rigid_velocity(robot, j, share, work)
     slides = robot.joints[j, PRISMATIC] != 0.0
     y = spacecraft if slides else spacecraft + a
     for end in range(robot.arms):

@@ -54,6 +54,7 @@ class Robot(NamedTuple):
     n: int
     m: int
     planar: bool
+    on_table: bool  # the spacecraft moves along x and y and turns about z only
     pointing: bool
     singular_speed: float  # of joints per duration, above which a redundant arm is singular
     further: FurtherArms
@@ -101,7 +102,8 @@ def robot_in_tables(robot: Robot, robots: Array | None, work: Solver) -> Robot:
         floats(robot.joints, FRAME_COLUMNS),
         first_if_none(robots, floats(robot.properties, 1), work.properties),
         floats(robot.tools, TOOL_COLUMNS), floats(robot.root, BODY_COLUMNS), floats(robot.rows, 1),
-        robot.arms, robot.n, robot.m, robot.planar, robot.pointing, robot.singular_speed,
+        robot.arms, robot.n, robot.m, robot.planar, robot.on_table, robot.pointing,
+        robot.singular_speed,
         FurtherArms(further.number, further.density, floats(further.cells, 1)),
     )  # fmt: skip
 

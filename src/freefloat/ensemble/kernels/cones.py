@@ -8,7 +8,7 @@ through these is smallest.
 from __future__ import annotations
 
 from freefloat.dynamics.kernels.kinematics import AXIS as Z_AXIS
-from freefloat.dynamics.kernels.kinematics import POINT, X_AXIS, place_arms
+from freefloat.dynamics.kernels.kinematics import POINT, X_AXIS, path_origin, place_arms
 from freefloat.dynamics.kernels.robot import Robot, Solver, base_of
 from freefloat.ensemble.kernels.flow import to_spacecraft
 from freefloat.ensemble.kernels.interpolant import inside
@@ -97,7 +97,7 @@ def slack(robot: Robot, cones: Cones, i: int, y: Table, work: Workspace) -> Floa
     axis = in_spacecraft(robot, body, get_vector(table, i, AXIS), 0.0, work.solver)
     if table[i, OF_POINT] != 0.0:
         origin = in_spacecraft(robot, body, get_vector(table, i, ORIGIN), 1.0, work.solver)
-        target = target - origin + get_vector(work.solver.centre, 0, 0)
+        target = target - origin + path_origin(robot, work.solver)
         distance = sqrt(dot(target, target))
         slack = (dot(axis, target) / distance - table[i, BOUND]) * table[i, SIDE]
         return select(distance < TOO_NEAR, 1.0, slack)

@@ -11,7 +11,14 @@ So z neither moves the end-effector nor changes the momentum, and W may be singu
 from __future__ import annotations
 
 from freefloat.dynamics.kernels.equation import determinants
-from freefloat.dynamics.kernels.kinematics import ANGULAR, AXIS, LINEAR, POINT, TURN
+from freefloat.dynamics.kernels.kinematics import (
+    ANGULAR,
+    AXIS,
+    LINEAR,
+    POINT,
+    TURN,
+    rigid_velocity,
+)
 from freefloat.dynamics.kernels.robot import PRISMATIC, TOTAL_MASS, Robot
 from freefloat.ensemble.kernels.records import NullSpace, Workspace
 from freefloat.lockstep.compilation import inlined, inner
@@ -161,6 +168,8 @@ def form_inertia(robot: Robot, work: Workspace) -> Float:
     Returns:
         Its trace.
     """
+    if robot.on_table:
+        return _inertia_on_table(robot, work)
     n, w, W = robot.n, work.solver.momenta, work.metric
     centre, share = get_vector(work.solver.centre, 0, 0), 1.0 / robot.properties[TOTAL_MASS]
     trace = 0.0 * work.solver.scales[0]
@@ -176,4 +185,30 @@ def form_inertia(robot: Robot, work: Workspace) -> Float:
             W[i * n + j] = W[i * n + j] - dot(turn, get_vector(w, j, ANGULAR))
             W[j * n + i] = W[i * n + j]
         trace += W[i * n + i]
+    return trace
+
+
+@inner
+def _inertia_on_table(robot: Robot, work: Workspace) -> Float:
+    """The same on a table, of one arm.
+
+    Element (i, j), j beyond i, is the product of the motion of the bodies beyond joint j due to
+    joint i and the momentum that joint j gives to these while the spacecraft rests.
+    """
+    n, w, W = robot.n, work.solver.momenta, work.metric
+    mass = robot.properties[TOTAL_MASS]
+    centre, share = get_vector(work.solver.centre, 0, 0), 1.0 / mass
+    trace = 0.0 * work.solver.scales[0]
+    for j in range(n):
+        a = get_vector(w, j, AXIS)
+        P, L = a * mass - get_vector(w, j, LINEAR), -get_vector(w, j, ANGULAR)
+        if robot.joints[j, PRISMATIC] == 0.0:
+            P = cross(a, centre - get_vector(w, j, POINT)) * mass - get_vector(w, j, LINEAR)
+        for i in range(j + 1):
+            turn = get_vector(w, i, TURN)
+            if robot.joints[i, PRISMATIC] == 0.0:
+                turn = turn + get_vector(w, i, AXIS)
+            W[i * n + j] = dot(rigid_velocity(robot, i, share, work.solver), P) + dot(turn, L)
+            W[j * n + i] = W[i * n + j]
+        trace += W[j * n + j]
     return trace

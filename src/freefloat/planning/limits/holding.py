@@ -28,7 +28,7 @@ def held_plan(
     """
     chosen, results = passed
     reason = f"{HELD}, {margin_text(chosen.closest_approach)}"
-    if evaluator.problem.task.planar:
+    if evaluator.problem.has_headings:
         plan = plan_in_plane(evaluator, search, limits, progress)
         depth = heading_depth(evaluator, search.domain, plan.ranges, chosen)
         plan = replace(plan, feasible=True, robust_radius=depth)

@@ -251,7 +251,7 @@ def moved_nearer(
     spared = trial(rotated(nearest[0].motion.initial.attitude, step)[0])
     if spared is None or there is None:
         return spared or there or passed
-    normal = problem.plane.normal[None] if problem.task.planar else np.eye(3)
+    normal = problem.plane.normal[None] if problem.has_headings else np.eye(3)
     around = rotated(spared[0].motion.initial.attitude, spare * np.vstack([normal, -normal]))
     return spared if all(trial(attitude) is not None for attitude in around) else there
 

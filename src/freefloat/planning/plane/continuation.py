@@ -83,7 +83,7 @@ def keeps_from_nearby(evaluator: FeasibilityEvaluator, attitude: Array) -> Flags
 
     For attitudes (4,) at which none of those tried there does.
     """
-    if evaluator.problem.task.planar:
+    if evaluator.problem.has_headings:
         angles = np.concatenate([_NEARBY, -_NEARBY])
         nearby = rotated(attitude, angles[:, None] * evaluator.problem.plane.normal)
     else:

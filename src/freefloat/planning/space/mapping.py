@@ -106,7 +106,7 @@ def attitude_map(
     limits = limits_for(problem, limits)
     problem = search.applied_to(problem)
     samples = search.samples if samples is None else samples
-    if problem.task.planar:
+    if problem.has_headings:
         _require_none(nearest=nearest is not None, boundary=boundary, touch=touch)
         count = HEADINGS if samples is None else samples
         headings = sample_headings(evaluator_for(problem, threads, limits), count, search, progress)

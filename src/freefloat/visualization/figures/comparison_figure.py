@@ -53,7 +53,7 @@ def comparison_figure(motions: Mapping[str, Motion]) -> Figure:
         raise InputError("files", problem, f"2 to {_MOST}")
     problems = [motion.problem for motion in motions.values()]
     kinds = {
-        (problem.margin.measure.name, problem.margin.measure.unit, problem.task.planar,
+        (problem.margin.measure.name, problem.margin.measure.unit, problem.has_headings,
          joint_scale(problem.model)[1])
         for problem in problems
     }  # fmt: skip
@@ -84,7 +84,7 @@ def _draw(panels: Any, motion: Motion, longest: int) -> None:
     panels[0].axhline(0.0, color=BLACK, linewidth=0.6)
     curves = [
         (f"$S$ ({measure.title})", trajectory.measure[:, None], ("S",), measure.unit),
-        ("heading" if problem.task.planar else attitude, angles, names, "deg"),
+        ("heading" if problem.has_headings else attitude, angles, names, "deg"),
         ("joints", scale * trajectory.joints, joint_names(problem.model), unit),
     ]
     for panel, (quantity, values, names, quantity_unit) in zip(panels, curves, strict=True):

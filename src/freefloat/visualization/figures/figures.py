@@ -209,7 +209,7 @@ def plan_figures(plan: Plan, threads: int | None, progress: Progress | None) -> 
         marks.append(Mark(name, chosen.motion.initial.attitude, chosen.branch.index))
     if plan.search.from_attitude is not None:
         marks.append(Mark("now", plan.search.from_attitude))
-    if problem.task.planar:
+    if problem.has_headings:
         drawn |= _planar_figures(plan, threads, progress)
     if chosen is not None:
         drawn |= _snapshots(chosen.motion)

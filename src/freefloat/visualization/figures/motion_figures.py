@@ -96,7 +96,7 @@ def joint_names(model: FreeFloatingModel) -> list[str]:
 
 def attitude_curves(problem: Problem, trajectory: Trajectory) -> tuple[str, Array, Sequence[str]]:
     """Quantity, values [deg], shape (K, 1) or (K, 3), and names of attitude angles."""
-    if problem.task.planar:
+    if problem.has_headings:
         return "attitude", headings(trajectory.attitudes, problem.plane)[:, None], ("heading",)
     return "x-y-z Euler angles", euler_angles(trajectory.attitudes), _AXES
 
@@ -117,7 +117,7 @@ def _motion_figure(motion: Motion, trajectory: Trajectory) -> Figure:
     joints = joint_names(problem.model)
     axes: Sequence[str] = _AXES
     spun, frame = "xyz", np.eye(3)
-    if problem.task.planar:
+    if problem.has_headings:
         letters, frame = problem.plane.letters, problem.plane.axes
         axes, spun = tuple(f"${letter}$" for letter in letters[:2]), letters[2]
     spins = np.degrees(trajectory.angular_velocities @ frame)[:, 3 - len(spun) :]

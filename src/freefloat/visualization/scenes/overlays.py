@@ -69,7 +69,7 @@ def draw_areas(builder: SceneBuilder, root: str, problem: Problem, areas: Worksp
     parts = [(interval, colour) for intervals, colour in kinds for interval in intervals or ()]
     for number, ((inner, outer), colour) in enumerate(sorted(parts), start=1):
         path = f"{root}/{AREAS}/{number}"
-        if problem.task.planar:
+        if problem.has_headings:
             plane = problem.plane
             below = plane.normal @ problem.path.path.curve(0.0) - 3.0 * thickness(problem)
             vertices, faces = _ring(inner, outer, float(below))
