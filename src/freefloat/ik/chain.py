@@ -55,14 +55,14 @@ class Chain:
         """The virtual manipulator of a robot."""
         virtual = VirtualManipulator.of(model)
         p, R, points, axes = virtual.kinematics(np.zeros(len(virtual.axes)))
-        swings, last = not virtual.prismatic[0], p[0] - points[-1, 0]
+        swings, last = not bool(virtual.prismatic[0]), p[0] - points[-1, 0]
         last_upright = last
         if virtual.upright:
-            swings = swings and np.linalg.norm(axes[0, 0, :2]) < _VERTICAL
+            swings = swings and bool(np.linalg.norm(axes[0, 0, :2]) < _VERTICAL)
             in_last_body = R[0] @ virtual.tool.T
             last, last_upright = (in_last_body @ v.links[-1] for v in (virtual, virtual.upright))
         return cls(
-            points[:, 0].T, axes[:, 0].T, p[0], R[0], last, last_upright, bool(swings),
+            points[:, 0].T, axes[:, 0].T, p[0], R[0], last, last_upright, swings,
             virtual.prismatic, *model.joint_ranges,
         )  # fmt: skip
 

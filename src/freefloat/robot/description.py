@@ -11,6 +11,7 @@ from typing import Literal
 import numpy as np
 
 from freefloat.errors import ModelError
+from freefloat.robot.base import Base
 from freefloat.robot.not_read import NotRead
 from freefloat.robot.reader_process import Argument
 from freefloat.robot.shapes import Shape
@@ -193,6 +194,7 @@ class RobotDescription:
         frames: Links that are mere frames, sites of a model of MuJoCo.
         arguments: Arguments of a xacro file, with the values that were used.
         not_read: What the files of the robot and its parts say and freefloat does not use.
+        base: How its base moves.
         left_out: A sentence for each further URDF with elements that the assembly has not.
     """
 
@@ -209,6 +211,7 @@ class RobotDescription:
     arguments: tuple[Argument, ...] = field(default=(), repr=False)
     not_read: tuple[NotRead, ...] = field(default=(), repr=False)
     left_out: tuple[str, ...] = field(default=(), repr=False)
+    base: Base = Base.FREE
     tag = "robot"
 
     @property

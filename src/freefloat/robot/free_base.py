@@ -1,4 +1,4 @@
-"""Bases that a URDF describes as free: by a floating joint, or by six virtual joints."""
+"""Bases that a URDF describes as free or planar: by one joint, or by virtual joints."""
 
 from __future__ import annotations
 
@@ -8,16 +8,21 @@ from dataclasses import replace
 import numpy as np
 from lxml import etree
 
+from freefloat.robot.base import Base
 from freefloat.robot.description import IDENTITY, Joint, RobotDescription, Severity
 from freefloat.robot.not_read import NotRead
 from freefloat.robot.urdf_text import Element
 from freefloat.rotations import Rotation
-from freefloat.so3 import Pose
+from freefloat.so3 import Array, Pose
 
-FREE = 6
-"""Number of the freedoms of a free base."""
+FREE, PLANAR = 6, 3
+"""Numbers of the freedoms of a free base, and of one on a table."""
 _NEGLIGIBLE = 1e-4
 """Mass of links between virtual joints, over that of the robot, which some programs require."""
+_BASES = "floating", "planar"
+"""Types of joints that say how a base moves."""
+_ROUNDED = 1e-6
+"""Sine of the angle between an axis and a coordinate axis that is rounded in a file."""
 _ANYWHERE = 0.4
 """Value of virtual joints at which their axes are independent if they are anywhere [rad, m]."""
 _INDEPENDENT = 1e-6
@@ -32,17 +37,21 @@ def with_free_base(robot: RobotDescription, element: Element) -> RobotDescriptio
     """The robot without what says that its base is free, which is removed from the element, too.
 
     That is a massless part, such as ``world``, with a floating joint to the spacecraft, or with
-    three prismatic and three revolute joints in a row that let it move in all directions.
+    three prismatic and three revolute joints in a row that let it move in all directions. A planar
+    joint about z, or two prismatic and one revolute joint in the x-y plane, are a planar base.
     """
-    joint = _floating(robot)
+    joint, base = _base_joint(robot), robot.base
     if joint is not None:
         kept = _below(robot, joint.child)
         virtual: tuple[Joint, ...] = ()
+        base = Base.PLANAR if joint.type == "planar" else base
     else:
         virtual = virtual_joints(robot)
-        if not _is_free(robot, virtual):
+        on_table = _is_on_table(robot, virtual)
+        if not (on_table or _is_free(robot, virtual)):
             return robot
         kept = _below(robot, virtual[-1].child)
+        base = Base.PLANAR if on_table else base
     links = {link.name for link in robot.links} - kept
     joints = {joint.name for joint in robot.joints if joint.parent not in kept}
     for child in element.xpath("link | joint | *[@reference]"):
@@ -55,6 +64,7 @@ def with_free_base(robot: RobotDescription, element: Element) -> RobotDescriptio
         links=tuple(link for link in robot.links if link.name in kept),
         joints=tuple(joint for joint in robot.joints if joint.name not in joints),
         text=etree.tostring(element, encoding="unicode"),
+        base=base,
         diagnostics=tuple(entry for entry in robot.diagnostics
                           if entry.element not in gone or entry.severity is Severity.ERROR),
         not_read=(
@@ -65,15 +75,17 @@ def with_free_base(robot: RobotDescription, element: Element) -> RobotDescriptio
     )  # fmt: skip
 
 
-def floating_problem(robot: RobotDescription, joint: Joint) -> str:
-    """Why a floating joint is not the one between a massless part and the spacecraft."""
-    if sum(other.type == "floating" for other in robot.joints) > 1:
-        return "the robot has several floating joints, and would be several robots"
+def base_joint_problem(robot: RobotDescription, joint: Joint) -> str:
+    """Why a floating or planar joint is not the one between a massless part and the spacecraft."""
+    if sum(other.type in _BASES for other in robot.joints) > 1:
+        return "the robot has several floating or planar joints, and would be several robots"
+    if joint.type == "planar" and not _is_vertical(joint.axis):
+        return "its axis is not z, about which a base on a table turns"
     kept = _below(robot, joint.child)
     heavy = [link.name for link in robot.links
              if link.name not in kept and (link.mass or link.shapes)]  # fmt: skip
     if heavy:
-        return f"it floats from a part with mass or shapes ({heavy[0]})"
+        return f"its parent is a part with mass or shapes ({heavy[0]})"
     return f"other joints of {joint.parent} move"
 
 
@@ -111,16 +123,44 @@ def solid_link(robot: RobotDescription, joints: Sequence[Joint]) -> str | None:
     return next((link.name for link in links if link.mass or link.shapes), None)
 
 
-def _floating(robot: RobotDescription) -> Joint | None:
-    """The floating joint that carries the spacecraft on a massless part without shapes."""
-    floating = [joint for joint in robot.joints if joint.type == "floating"]
-    if len(floating) != 1 or floating[0].child not in robot.links_by_name:
+def _base_joint(robot: RobotDescription) -> Joint | None:
+    """The joint that lets a massless part without shapes carry the spacecraft: floating, planar."""
+    found = [joint for joint in robot.joints if joint.type in _BASES]
+    if len(found) != 1 or found[0].child not in robot.links_by_name:
         return None
-    kept = _below(robot, floating[0].child)
+    if found[0].type == "planar" and not _is_vertical(found[0].axis):
+        return None
+    kept = _below(robot, found[0].child)
     bare = all(link.name in kept or not (link.mass or link.shapes) for link in robot.links)
-    still = all(joint.parent in kept or joint is floating[0] or joint.type == "fixed"
+    still = all(joint.parent in kept or joint is found[0] or joint.type == "fixed"
                 for joint in robot.joints)  # fmt: skip
-    return floating[0] if bare and still and floating[0].parent not in kept else None
+    return found[0] if bare and still and found[0].parent not in kept else None
+
+
+def _is_vertical(axis: Array) -> bool:
+    """Whether an axis is along z."""
+    size = float(np.linalg.norm(axis))
+    return size > 0.0 and float(np.abs(axis[:2]).max()) <= _ROUNDED * size
+
+
+def _is_on_table(robot: RobotDescription, joints: Sequence[Joint]) -> bool:
+    """Whether two sliding and one turning virtual joint move their base along x and y and about z.
+
+    Axes are seen from the base, at joint values zero.
+    """
+    kinds = [joint.type == "prismatic" for joint in joints]
+    if (len(kinds), sum(kinds)) != (PLANAR, PLANAR - 1) or held_joint(joints) is not None:
+        return False
+    if solid_link(robot, joints) is not None:
+        return False
+    rotation, axes = np.eye(3), []
+    for joint in joints:
+        rotation = rotation @ _placed(robot, joint).rotation
+        axes.append(rotation @ joint.axis / np.linalg.norm(joint.axis))
+    seen = np.array(axes) @ rotation
+    slides = seen[np.array(kinds)]
+    level = bool(np.abs(slides[:, 2]).max() < _ROUNDED and _is_vertical(seen[~np.array(kinds)][0]))
+    return level and bool(abs(np.cross(*slides[:, :2])) > _INDEPENDENT)
 
 
 def _is_free(robot: RobotDescription, joints: Sequence[Joint]) -> bool:
@@ -170,7 +210,7 @@ def _unused(joint: Joint, *, virtual: bool) -> Iterator[NotRead]:
     """What a joint above the spacecraft says beside that this is free."""
     name = f"joint {joint.name}"
     if virtual:
-        meaning = "one of six virtual joints; the spacecraft is free without them"
+        meaning = "a virtual joint of the base; the spacecraft moves without it"
         yield NotRead(name, "", joint.lines["joint"] or None, meaning)
     elif not (np.allclose(joint.origin.rotation, np.eye(3)) and not joint.origin.position.any()):
         meaning = "where the spacecraft is in the world; attitudes are given to commands"

@@ -103,7 +103,7 @@ class FreeFloatingModel:
         spacecraft: Spacecraft | None = None,
         payload: Payload | None = None,
         attached: Sequence[Attachment] = (),
-        base: Base | str = Base.FREE,
+        base: Base | str | None = None,
     ) -> FreeFloatingModel:
         """Load a robot whose root link is the spacecraft, or an arm with its spacecraft.
 
@@ -120,7 +120,8 @@ class FreeFloatingModel:
             spacecraft: Carries the arm, see :func:`~freefloat.robot.assembly.assemble`.
             payload: Fixed to the end-effector.
             attached: Further URDFs, fixed to links.
-            base: What the spacecraft is free to do, ``"free"`` or ``"planar"``.
+            base: What the spacecraft is free to do, ``"free"`` or ``"planar"``; default: what the
+                file says, otherwise free.
 
         Raises:
             InputError: If a part or a factor has another type, or a fixed joint is out of range.
@@ -144,7 +145,8 @@ class FreeFloatingModel:
             end_effector = end_effector_link(description, None)
         require_within_ranges(description, fixed_joints or {})
         fixed, further = dict(fixed_joints or {}), dict(arms or {})
-        return cls(description, end_effector, fixed, further, base=member("base", Base, base))
+        base = description.base if base is None else member("base", Base, base)
+        return cls(description, end_effector, fixed, further, base=base)
 
     def scaled(self, scale_mass: float | Mapping[str, float]) -> FreeFloatingModel:
         """The robot with a factor on every mass and inertia, or on those of named links."""

@@ -12,7 +12,13 @@ import numpy as np
 from freefloat.errors import ModelError
 from freefloat.robot.description import MOVING, Joint, RobotDescription, Severity, UrdfDiagnostic
 from freefloat.robot.flat_links import with_flat_links
-from freefloat.robot.free_base import FREE, floating_problem, held_joint, solid_link, virtual_joints
+from freefloat.robot.free_base import (
+    FREE,
+    base_joint_problem,
+    held_joint,
+    solid_link,
+    virtual_joints,
+)
 from freefloat.robot.plausibility import (
     WARNINGS,
     Fault,
@@ -172,12 +178,9 @@ def _joints(robot: RobotDescription) -> Faults:
 def _refused_type(robot: RobotDescription, joint: Joint) -> tuple[str, str]:
     """Why a joint of a type that does not move is refused, and what is accepted."""
     types = f"{', '.join(MOVING)} or fixed"
-    if joint.type == "floating":
-        problem = f"its type is floating, and {floating_problem(robot, joint)}"
-        return problem, f"{types}; floating from a massless root to the spacecraft alone"
-    if joint.type == "planar":
-        problem = "its type is planar; a base that moves in a plane alone is not planned"
-        return problem, f"{types}; a spacecraft that is free in six directions needs no joint"
+    if joint.type in ("floating", "planar"):
+        problem = f"its type is {joint.type}, and {base_joint_problem(robot, joint)}"
+        return problem, f"{types}; {joint.type} from a massless root to the spacecraft alone"
     return f"its type is {joint.type}" if joint.type else "it has no type", types
 
 
@@ -193,7 +196,8 @@ def _virtual_base(robot: RobotDescription, mounted: bool) -> Faults:
         )
         remedy = (
             "no joint above the spacecraft; or a floating joint, or three prismatic and three "
-            "revolute ones between links without mass and shapes, which mean the same"
+            "revolute ones between links without mass and shapes, which mean the same; on a table "
+            "a planar joint about z, or two prismatic and a revolute one"
         )
         held = held_joint(joints)
         if held is not None:

@@ -17,6 +17,7 @@ from freefloat.beyond.formats.mjcf_bodies import (
     bodies_in_world,
     body_name,
     body_names,
+    is_on_table,
     joint_name,
     line,
     moves_in_plane,
@@ -67,6 +68,8 @@ def read(file: str, root: str | None = None) -> UrdfText:
             parent = anchors[int(model.body_parentid[body])]
             at = model.body_pos[body] + _matrix(model.body_quat[body]) @ anchors[body] - parent
             _add_joint(robot, model, body, joints[body], at)
+    if is_on_table(model, start):
+        _add_table(robot, body_name(model, start))
     sites = _add_sites(robot, model, anchors)
     ET.indent(robot)
     text = ET.tostring(robot, encoding="unicode")
@@ -77,6 +80,17 @@ def read(file: str, root: str | None = None) -> UrdfText:
         text, warnings, tuple(map(str, files)), tuple(not_read(model, bodies, documents)),
         frames=tuple(sites.values()),
     )  # fmt: skip
+
+
+def _add_table(robot: ET.Element, root: str) -> None:
+    """Let the root float on a table, as URDF says it."""
+    names = {link.get("name") for link in robot.iter("link")}
+    table = next(name for name in map("table{}".format, ("", *range(_MOST))) if name not in names)
+    ET.SubElement(robot, "link", name=table)
+    joint = ET.SubElement(robot, "joint", name=table, type="planar")
+    ET.SubElement(joint, "parent", link=table)
+    ET.SubElement(joint, "child", link=root)
+    ET.SubElement(joint, "axis", xyz="0 0 1")
 
 
 def _files(model: Path) -> set[Path]:
@@ -109,7 +123,7 @@ def _warnings(model: Any, start: int, *, named: bool) -> Iterator[tuple[str, str
             f"its root is {body_name(model, start)}; left out: {one_line(', '.join(carriers))}"
         )
         yield problem, f"--root {carriers[-1]} (robot.root in a scenario) for the whole robot"
-    if moves_in_plane(model, start):
+    if moves_in_plane(model, start) and not is_on_table(model, start):
         problem = f"the root {body_name(model, start)} moves in a plane; it is taken as free"
         yield problem, "nothing: the robot stays in that plane, where a free base moves alike"
     others = [name for name in in_world if name != body_name(model, start)]

@@ -42,15 +42,16 @@ def root_body(model: Any, root: str | None, source: str) -> int:
     """
     found = _chosen(model, root, source)
     joints = [joint for body in line(model, found) for joint in joints_of(model, body)]
-    if joints and not _is_free(model, joints) and not moves_in_plane(model, found):
+    moves = _is_free(model, joints) or is_on_table(model, found) or moves_in_plane(model, found)
+    if joints and not moves:
         problem = (
             f"the root body {body_name(model, found)} moves in the world with "
-            f"{_joint_texts(model, joints)}; a base that is not free in all six directions, such "
-            "as a planar one, is not supported"
+            f"{_joint_texts(model, joints)}; a base is free in all six directions, or moves in its "
+            "x-y plane"
         )
         accepted = (
-            "a root body with a <freejoint/>, or without joints, which stands for free; two slides "
-            "and a hinge of a robot whose bodies stay in their plane"
+            "a root body with a <freejoint/>, or without joints, which stands for free; on a table "
+            "two slides along x and y and a hinge about z, without ranges"
         )
         raise ModelError("root", problem, accepted, source)
     if (tie := _tie(model, found)) is not None:
@@ -99,6 +100,23 @@ def _is_free(model: Any, joints: Iterable[int]) -> bool:
     return bool(orthogonal) and not model.jnt_limited[numbers].any()
 
 
+def is_on_table(model: Any, root: int) -> bool:
+    """Whether two slides and a hinge, without ranges, move a root in its x-y plane."""
+    joints = list(joints_of(model, root))
+    if not _slides_and_turns(model, joints) or line(model, root)[1:]:
+        return False
+    axes, kinds = model.jnt_axis[joints], model.jnt_type[joints]
+    upright = np.abs(axes[kinds == HINGE][0, :2]).max() + np.abs(axes[kinds == SLIDE][:, 2]).max()
+    orthogonal = abs(abs(np.linalg.det(axes)) - 1.0) < _ORTHOGONAL
+    return bool(orthogonal and upright < _ORTHOGONAL)
+
+
+def _slides_and_turns(model: Any, joints: list[int]) -> bool:
+    """Whether joints are two slides and a hinge without ranges."""
+    kinds = sorted(int(model.jnt_type[joint]) for joint in joints)
+    return kinds == [SLIDE, SLIDE, HINGE] and not model.jnt_limited[joints].any()
+
+
 def moves_in_plane(model: Any, root: int) -> bool:
     """Whether a root moves in a plane, by two slides and a hinge, in which its robot stays.
 
@@ -109,8 +127,7 @@ def moves_in_plane(model: Any, root: int) -> bool:
     import mujoco
 
     joints = list(joints_of(model, root))
-    kinds = sorted(int(model.jnt_type[joint]) for joint in joints)
-    if kinds != [SLIDE, SLIDE, HINGE] or model.jnt_limited[joints].any() or line(model, root)[1:]:
+    if not _slides_and_turns(model, joints) or line(model, root)[1:]:
         return False
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)

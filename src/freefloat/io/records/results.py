@@ -31,6 +31,7 @@ from freefloat.motion.problem import Problem
 from freefloat.planning.phases.manoeuvre import Manoeuvre
 from freefloat.planning.settings import Search
 from freefloat.records import Quantity, Tree
+from freefloat.robot.base import Base
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.validation import read_urdf
 from freefloat.verification.codec import CODEC
@@ -119,6 +120,7 @@ def _origin(model: FreeFloatingModel, scenario: Scenario | None) -> dict[str, An
         "joint_names": model.joint_names,
         "robot": model.description.text,
         "robot_file": os.path.abspath(model.description.source),
+        "base": str(model.base),
         "held": json.dumps(dict(model.fixed_joints)),
         "arms": json.dumps(dict(model.arms)),
         "path_arms": json.dumps(dict(model.path_arms)),
@@ -230,7 +232,9 @@ def _read_robot(tree: Tree) -> FreeFloatingModel:
         {str(name): str(link) for name, link in json.loads(_text(tree, key)).items()}
         for key in ("arms", "path_arms")
     )
-    model = FreeFloatingModel(description, _text(tree, "end_effector"), held, arms, path_arms)
+    model = FreeFloatingModel(
+        description, _text(tree, "end_effector"), held, arms, path_arms, Base(_text(tree, "base"))
+    )
     if tree["joint_names"].values.tolist() != list(model.joint_names):
         raise ValueError("its joint_names are not those of its robot")
     return model
@@ -244,7 +248,12 @@ def _read_scenario(tree: Tree, model: FreeFloatingModel) -> Scenario:
     robot = scenario.content.robot
     stated = robot.path_link, robot.held, robot.moving_arms, [*paths_of_arms(robot.arms)]
     arms = {**model.arms, **model.path_arms}
-    if stated != (model.end_effector, dict(model.fixed_joints), arms, [*model.path_arms]):
+    if robot.base not in (None, model.base) or stated != (
+        model.end_effector,
+        dict(model.fixed_joints),
+        arms,
+        [*model.path_arms],
+    ):
         raise ValueError("its robot is not that of its scenario")
     return scenario
 

@@ -30,6 +30,7 @@ from freefloat.io.scenario.field_types import (
     Vector,
 )
 from freefloat.io.scenario.yaml import error_context, file_keys
+from freefloat.robot.base import Base
 from freefloat.robot.bundled import find_robot
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.parts import Attachment, Mount, Payload, Spacecraft
@@ -118,6 +119,9 @@ class RobotSection(Section):
     ``example-robot-data:NAME`` or ``robot_descriptions:NAME``."""
     end_effector: Name
     """The link, or site of a model of MuJoCo, that follows the path, or the name of its arm."""
+    base: Base | None = None
+    """``free``, or ``planar`` on a table: the spacecraft moves along x and y and turns about z;
+    default: what the file says, otherwise free."""
     root: Name | None = None
     """Of a model of MuJoCo, the body that is the spacecraft; default: the only body in the world,
     else the only one with a free joint and bodies that move on it."""
@@ -204,6 +208,7 @@ class RobotSection(Section):
                 spacecraft=None if craft is None else Spacecraft(**craft.values(folder)),
                 payload=None if payload is None else Payload(**payload.values(folder)),
                 attached=self.parts(scenario),
+                base=self.base,
             ).with_paths(*paths_of_arms(self.arms))
             moving = {self.path_link, *self.moving_arms.values()}
             held = {name: arm.end_effector for name, arm in self.arms.items()
