@@ -152,23 +152,24 @@ def final_state(motion: Motion, engine: Engine, reference: Reference) -> State:
     The servos are computed-torque controllers on MuJoCo's own mass matrix.
     """
     h, data = reference.step, engine.data
+    b, n = engine.base_rates, motion.problem.model.dof
     stiff, damp = (STIFFNESS / h) ** 2, 2.0 * STIFFNESS / h
     start(motion, engine, reference.first, reference(reference.first, 1))
     engine.rest(h)
     for step in range(reference.steps):
         t = reference.first + (step + 0.5) * h
         M, bias = engine.inertia()
-        ahead = data.qpos[7:] + h / 2.0 * data.qvel[6:]
+        ahead = data.qpos[-n:] + h / 2.0 * data.qvel[b:]
         acceleration = (
             reference(t, 2)
-            + damp * (reference(t, 1) - data.qvel[6:])
+            + damp * (reference(t, 1) - data.qvel[b:])
             + stiff * (reference(t) - ahead)
         )
-        base = -np.linalg.solve(M[:6, :6], M[:6, 6:] @ acceleration + bias[:6])
-        engine.step(M[6:, :6] @ base + M[6:, 6:] @ acceleration + bias[6:])
+        base = -np.linalg.solve(M[:b, :b], M[:b, b:] @ acceleration + bias[:b])
+        engine.step(M[b:, :b] @ base + M[b:, b:] @ acceleration + bias[b:])
     drift = reference.last * motion.problem.path.drift
-    attitude = np.roll(data.qpos[3:7], -1)
-    return State(reference.last, attitude, np.array(data.qpos[7:]), data.qpos[:3] - drift)
+    joints = np.array(data.qpos[-n:])
+    return State(reference.last, engine.attitude, joints, engine.base_position - drift)
 
 
 def start(motion: Motion, engine: Engine, t: float, rates: Array) -> None:
@@ -182,6 +183,6 @@ def start(motion: Motion, engine: Engine, t: float, rates: Array) -> None:
     """
     (state,), data = motion.sample(t), engine.data
     position = state.base_position + t * motion.problem.path.drift
-    data.qpos[:] = [*position, *np.roll(state.attitude, 1), *state.joints]
-    data.qvel[:] = [*base_velocity(engine.system, state, rates), *rates]
+    engine.set_positions(position, state.attitude, state.joints)
+    engine.set_rates(data.qvel, base_velocity(engine.system, state, rates), rates)
     data.qacc[:] = 0.0

@@ -4,7 +4,7 @@ Poses and axes of joints come from MuJoCo's own URDF reader. Inertias are those 
 bodies, because the reader refuses links of some robots: those that violate the triangle inequality,
 and tiny ones, even if they are fixed to large ones.
 MuJoCo's free joint has its linear velocity in inertial axes, its angular velocity in body axes, and
-its quaternion in the order w, x, y, z.
+its quaternion in the order w, x, y, z. On a table two slides and a hinge take its place.
 """
 
 from __future__ import annotations
@@ -20,8 +20,16 @@ from freefloat.dynamics.system import System
 from freefloat.errors import InputError, require_extra
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.rotations import Rotation
-from freefloat.so3 import Array
+from freefloat.so3 import Array, heading_quaternion
 
+_TABLE = (
+    ("along x", "SLIDE", [1, 0, 0]),
+    ("along y", "SLIDE", [0, 1, 0]),
+    ("about z", "HINGE", [0, 0, 1]),
+)
+"""Joints of a base on a table."""
+_ON_TABLE = [0, 1, 5]
+"""Components of its velocity."""
 _LIGHTEST = 1e-9
 """Mass and inertia of links in the reader [kg, kg m²], until theirs are set."""
 
@@ -40,7 +48,7 @@ def engine_module() -> Any:
 
 
 class Engine:
-    """A robot in MuJoCo: free base, no gravity, no contacts, no joint limits.
+    """A robot in MuJoCo: free or planar base, no gravity, no contacts, no joint limits.
 
     Wheels with a momentum h_w exert the torque -omega x h_w on the spacecraft.
 
@@ -56,7 +64,13 @@ class Engine:
             spec.compiler.fusestatic = False
             spec.compiler.boundmass = spec.compiler.boundinertia = _LIGHTEST
             root = spec.worldbody.first_body()
-            root.add_freejoint()
+            if model.on_table:
+                for name, kind, axis in _TABLE:
+                    root.add_joint(name=f"{root.name} {name}", axis=axis, type=getattr(
+                        mujoco.mjtJoint, f"mjJNT_{kind}"
+                    ))  # fmt: skip
+            else:
+                root.add_freejoint()
             self.model = spec.compile()
         except (ValueError, RuntimeError) as error:
             problem = str(error).splitlines()[0] if str(error) else type(error).__name__
@@ -85,26 +99,64 @@ class Engine:
             target.body_iquat[index] = wxyz(Rotation.from_matrix(axes).as_quat())
         self._mujoco.mj_setConst(target, self.data)
 
+    @property
+    def base_rates(self) -> int:
+        """Number of velocities of the base, the first of all."""
+        return len(_ON_TABLE) if self.system.model.on_table else 6
+
     def place(self, value: Array, rate: Array, acceleration: Array) -> None:
         """Set [position, quaternion x y z w, joints] and its first two time derivatives."""
-        a = value[3:7]
-        self.data.qpos[:] = [*value[:3], *wxyz(a), *value[7:]]
-        self.data.qvel[:] = [*rate[:3], *_angular(a, rate[3:7]), *rate[7:]]
-        self.data.qacc[:] = [*acceleration[:3], *_angular(a, acceleration[3:7]), *acceleration[7:]]
+        a, data = value[3:7], self.data
+        self.set_positions(value[:3], a, value[7:])
+        for place, row in ((data.qvel, rate), (data.qacc, acceleration)):
+            self.set_rates(place, np.concatenate([row[:3], _angular(a, row[3:7])]), row[7:])
+
+    def set_positions(self, position: Array, attitude: Array, joints: Array) -> None:
+        """Set position and attitude, a quaternion x, y, z, w, of the base, and the joints."""
+        base = [*position, *wxyz(attitude)]
+        if self.system.model.on_table:
+            base = [*position[:2], 2.0 * np.arctan2(attitude[2], attitude[3])]
+        self.data.qpos[:] = [*base, *joints]
+
+    def set_rates(self, place: Array, base: Array, joints: Array) -> None:
+        """Write the velocity of the base, shape (6,), or its derivative, and joint rates."""
+        place[:] = [*(base[_ON_TABLE] if self.system.model.on_table else base), *joints]
+
+    @property
+    def base_position(self) -> Array:
+        """Position of the base [m], shape (3,)."""
+        position = np.zeros(3)
+        count = 2 if self.system.model.on_table else 3
+        position[:count] = self.data.qpos[:count]
+        return position
+
+    @property
+    def attitude(self) -> Array:
+        """Attitude of the base, unit quaternion x, y, z, w."""
+        if self.system.model.on_table:
+            return heading_quaternion(self.data.qpos[2])
+        return np.roll(self.data.qpos[3:7], -1)
 
     def inverse(self, value: Array, rate: Array, acceleration: Array) -> tuple[Array, Array]:
         """Inverse dynamics at a state, see :meth:`place`: base wrench (6,), joint torques (n,)."""
         self.place(value, rate, acceleration)
         with self._wheels():
             self._mujoco.mj_inverse(self.model, self.data)
-        return self.data.qfrc_inverse[:6].copy(), self.data.qfrc_inverse[6:].copy()
+        base, torques = np.split(self.data.qfrc_inverse, [self.base_rates])
+        wrench = np.zeros(6)
+        wrench[_ON_TABLE if self.system.model.on_table else slice(6)] = base
+        return wrench, torques.copy()
 
     def angular_momentum(self) -> Array:
-        """Angular momentum about the centre of mass at the present state [N m s]."""
+        """Angular momentum about the centre of mass at the present state [N m s].
+
+        On a table only the component about z, which is conserved.
+        """
         self._mujoco.mj_forward(self.model, self.data)
         self._mujoco.mj_subtreeVel(self.model, self.data)
         axes = self.data.xmat[self.root].reshape(3, 3)
-        return np.asarray(self.data.subtree_angmom[self.root] + axes @ self.system.wheels)
+        momentum = np.asarray(self.data.subtree_angmom[self.root] + axes @ self.system.wheels)
+        return momentum * [0.0, 0.0, 1.0] if self.system.model.on_table else momentum
 
     def end_effector_positions(self) -> Array:
         """Positions of all end-effectors that follow paths, inertial frame [m], shape (E, 3)."""
@@ -112,7 +164,7 @@ class Engine:
         return np.array(self.data.xpos[self.tools])
 
     def inertia(self) -> tuple[Array, Array]:
-        """The mass matrix (6 + n, 6 + n) and the bias forces (6 + n,) at the present state.
+        """Mass matrix (b + n, b + n) and bias forces (b + n,) of base and joints, b base rates.
 
         The bias includes the torque of wheels.
         """
@@ -125,7 +177,7 @@ class Engine:
 
     def step(self, torques: Array) -> None:
         """Integrate one time step with constant joint torques (n,) and a free base."""
-        self.data.qfrc_applied[:] = [*np.zeros(6), *torques]
+        self.data.qfrc_applied[:] = [*np.zeros(self.base_rates), *torques]
         with self._wheels():
             self._mujoco.mj_step(self.model, self.data)
 
@@ -182,7 +234,7 @@ class Engine:
     @contextmanager
     def _wheels(self) -> Iterator[None]:
         """Context in which MuJoCo adds the torque of wheels to its passive forces."""
-        if not self.system.wheels.any():
+        if self.system.model.on_table or not self.system.wheels.any():  # which turn about z
             yield
             return
 
