@@ -1,36 +1,162 @@
-"""The tables of validation in README and docs are those of the tests."""
+"""Robots on a table, beside Pinocchio's planar root joint with SciPy, and beside MuJoCo."""
 
-import re
-from pathlib import Path
+from __future__ import annotations
 
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
 import pytest
+from scipy.integrate import solve_ivp
+from scipy.spatial.transform import Rotation
 
-from tests.validation.comparisons import COMPARISONS, HEADLINES, lines
+import freefloat as ff
+from freefloat.beyond.engines.engine_runs import MuJoCo
+from freefloat.certificate.certificate import certify
+from freefloat.ensemble.ensemble import EnsembleIntegrator
+from freefloat.so3 import heading_quaternion
+from tests.motions import bundled, from_here
+from tests.robots import random_robot
 
-ROOT = Path(__file__).parents[2]
+STRUCTURES = {
+    "RRRRRR": "pose", "RRRRR": "pointing", "RRR": "position", "RPR": "position",
+    "PRRRRR": "pose", "RRRP": "position", "RRRRRRR": "pose",
+}  # fmt: skip
+"""Structures of arms and tasks, those of redundant arms with the rates of least norm."""
+
+
+class PlanarRoot:
+    """A robot of Pinocchio on its planar root joint, and the equation of its rates."""
+
+    def __init__(self, problem: ff.Problem, text: str) -> None:
+        self.problem, model = problem, problem.model
+        self.model = pin.buildModelFromXML(text, pin.JointModelPlanar())
+        self.data = self.model.createData()
+        self.tool = self.model.getFrameId(model.end_effector)
+        order = [self.model.names[k] for k in range(2, self.model.njoints)]
+        self.places = [3 + order.index(name) for name in model.joint_names]
+
+    def matrices(self, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Conserved momenta, shape (3, 3 + n), and the Jacobian of the task's rows, base axes."""
+        x, z, heading, *joints = y
+        q = np.array([x, z, np.cos(heading), np.sin(heading), *joints])
+        momenta = pin.computeCentroidalMap(self.model, self.data, q)[[0, 1, 5]]
+        task = self.problem.task
+        frame = pin.LOCAL if task is ff.Task.POINTING else pin.LOCAL_WORLD_ALIGNED
+        J = pin.computeFrameJacobian(self.model, self.data, q, self.tool, frame)
+        return np.array(momenta), np.array(J[task.rows])
+
+    def rates(self, t: float, y: np.ndarray) -> np.ndarray:
+        """Rates of x, y, heading and joints, of the least norm of the joints'."""
+        momenta, J = self.matrices(y)
+        twist = np.array(self.problem.path.twist(t))
+        if self.problem.task is ff.Task.POINTING:
+            R = pin.updateFramePlacement(self.model, self.data, self.tool).rotation
+            twist = (twist.reshape(2, 3) @ R).ravel()
+        h = self.problem.momentum - self.problem.wheel_momentum
+        base = np.linalg.solve(momenta[:, :3], np.c_[momenta[:, 3:], [0.0, 0.0, h[2]]])
+        S = J[:, 3:] - J[:, :3] @ base[:, :-1]
+        u = np.linalg.pinv(S) @ (twist[self.problem.task.rows] - J[:, :3] @ base[:, -1])
+        body = base[:, -1] - base[:, :-1] @ u
+        c, s = np.cos(y[2]), np.sin(y[2])
+        return np.array([c * body[0] - s * body[1], s * body[0] + c * body[1], body[2], *u])
+
+
+def on_table(number: int) -> tuple[ff.Problem, np.ndarray, np.ndarray, str]:
+    """A random robot on a table, its attitude and joints, and its URDF with the arm in order."""
+    rng = np.random.default_rng([58, number])
+    structure = [*STRUCTURES][number % len(STRUCTURES)]
+    robot = random_robot(rng, structure)
+    model = ff.FreeFloatingModel.from_urdf(robot.text, robot.end_effector, base="planar")
+    attitude = heading_quaternion(float(rng.uniform(0.0, 6.0)))
+    joints = rng.uniform(-1.5, 1.5, model.dof)
+    problem = from_here(
+        model, ff.Task(STRUCTURES[structure]), [0.0, 0.0, model.total_mass / 400.0 * rng.normal()],
+        attitude, joints, rng.uniform(-0.2, 0.2, 3), rng.uniform(-0.2, 0.2, 3), ff.Timing(20.0),
+    )  # fmt: skip
+    wheels = [0.0, 0.0, float(rng.normal())] if number % 3 == 0 else [0.0, 0.0, 0.0]
+    return problem.replace(wheel_momentum=wheels), attitude, joints, robot.text
+
+
+@pytest.mark.parametrize("number", range(14))
+def test_motions_are_those_of_a_planar_root_joint(number: int) -> None:
+    problem, attitude, joints, text = on_table(number)
+    other = PlanarRoot(problem, text)
+    x, y, _ = problem.model.base_position(attitude, joints)
+    start = [x, y, 2.0 * np.arctan2(attitude[2], attitude[3]), *joints]
+    momenta, J = other.matrices(np.array([0.0, 0.0, 0.0, *joints]))
+    S = J[:, 3:] - J[:, :3] @ np.linalg.solve(momenta[:, :3], momenta[:, 3:])
+    own = ff.generalized_jacobian(problem.model, joints, problem.task)
+    np.testing.assert_allclose(own, S, atol=1e-12)
+    motion = ff.integrate_motion(problem, attitude, joints)
+    last = 0.9 * motion.final.time
+    reference = solve_ivp(
+        other.rates, (0.0, last), start, "DOP853", rtol=1e-12, atol=1e-12, dense_output=True
+    ).sol
+    for state in motion.sample(np.linspace(0.0, last, 9)):
+        x, y, heading, *values = reference(state.time)
+        np.testing.assert_allclose(state.joints, values, atol=1e-8)
+        np.testing.assert_allclose(state.base_position, [x, y, 0.0], atol=1e-8)
+        turned = Rotation.from_quat(state.attitude).as_rotvec() - [0.0, 0.0, heading]
+        assert abs(np.angle(np.exp(1j * np.linalg.norm(turned)))) < 1e-8
+
+
+@pytest.mark.parametrize("number", [0, 1, 2, 3, 5, 6])
+def test_the_kernels_agree_with_the_reference_engine(number: int) -> None:
+    problem, attitude, joints, _ = on_table(number)
+    precise = ff.integrate_motion(problem, attitude, joints)
+    ensemble = EnsembleIntegrator(problem, tolerance=1e-11)
+    motions = ensemble.integrate(attitude[None], joints[None])
+    smallest = ff.closest_approach(precise, problem.margin.measure).value
+    if precise.completed:
+        assert abs(motions.minimum[0] - smallest) < 1e-7 * max(1.0, smallest)
+        np.testing.assert_allclose(motions.joints[0], precise.final.joints, atol=1e-7)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [0, 3])
+def test_mujoco_repeats_a_motion_with_slides_and_a_hinge(number: int) -> None:
+    problem, attitude, joints, _ = on_table(number)
+    problem = problem.replace(wheel_momentum=[0.0, 0.0, 0.0])
+    runs = MuJoCo().repeated(ff.integrate_motion(problem, attitude, joints))
+    assert [check.reason for check in runs.checks if not check.passed] == []
+    assert runs.forward.attitude < 1e-5
+
+
+def test_the_inverse_kinematics_find_the_joints_of_a_pose() -> None:
+    for number in (0, 2, 4, 6):
+        problem, attitude, joints, _ = on_table(number)
+        branches = problem.branches(attitude)
+        poses = [problem.model.end_effector_pose(attitude, entry.joints) for entry in branches]
+        start = problem.path.pose(0.0)
+        assert len(branches) > 0
+        for pose in poses:
+            np.testing.assert_allclose(pose.position, start.position, atol=1e-8)
+        if not problem.redundant:
+            assert problem.nearest(joints, branches, 1e-6)
+
+
+def test_a_planar_arm_does_not_notice_the_table() -> None:
+    free = bundled("planar_3dof/parabola")
+    table = free.replace(model=replace(free.model, base="planar"))
+    for one, other in zip(ff.plan(free).ranges, ff.plan(table).ranges, strict=True):
+        np.testing.assert_allclose(one.degrees, other.degrees, atol=1e-8)
+
+
+def test_a_certificate_bounds_the_margin_on_a_table() -> None:
+    problem, attitude, joints, _ = on_table(0)
+    certificate = certify(ff.integrate_motion(problem, attitude, joints))
+    for minimum in certificate.minima:
+        assert 0.85 * minimum.value < minimum.bound <= minimum.value
+    assert certificate.integration.joints < 1e-8
 
 
 @pytest.mark.parametrize(
-    ("file", "root", "rows"),
-    [("README.md", "", HEADLINES), ("docs/validation.md", "../", COMPARISONS)],
+    ("key", "value"),
+    [("momentum", [0.1, 0.0, 0.2]), ("wheel_momentum", [0.0, 0.3, 0.0])],
 )
-def test_a_table_has_the_rows_and_tolerances_of_the_tests(file, root, rows):
-    text = (ROOT / file).read_text()
-    start, end = (f"<!-- validation: {word} -->\n" for word in ("start", "end"))
-    written = text.split(start)[1].split(end)[0].splitlines()
-    deviations = {}
-    for row, line in zip(rows, written[2:], strict=True):
-        number = line.split(" | ")[2].split()[0]
-        assert re.fullmatch(r"\d\.\de[+-]\d\d", number)
-        assert 0.0 < float(number) <= row.allowed
-        deviations[row.test] = number
-    assert written == lines(deviations, root, rows)
-
-
-def test_every_row_is_compared_by_its_test():
-    """Named in the table, defined in its file, and compared with the table's tolerance."""
-    assert len({row.test for row in COMPARISONS}) == len(COMPARISONS)
-    for row in COMPARISONS:
-        text = (Path(__file__).parent / f"{row.file}.py").read_text()
-        body = text.split(f"def {row.test}(")[1].split("\ndef ")[0]
-        assert f'assert_agrees("{row.test}", ' in re.sub(r"\(\s+", "(", body).replace("\n", " ")
+def test_momenta_that_a_table_carries_are_refused(key: str, value: list[float]) -> None:
+    problem, *_ = on_table(2)
+    with pytest.raises(ff.InputError) as error:
+        problem.replace(**{key: value})
+    assert error.value.key in ("momentum", "wheels.momentum")
