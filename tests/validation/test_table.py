@@ -14,6 +14,7 @@ import freefloat as ff
 from freefloat.beyond.engines.engine_runs import MuJoCo
 from freefloat.certificate.certificate import certify
 from freefloat.ensemble.ensemble import EnsembleIntegrator
+from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.so3 import heading_quaternion
 from tests.motions import bundled, from_here
 from tests.robots import random_robot
@@ -160,3 +161,19 @@ def test_momenta_that_a_table_carries_are_refused(key: str, value: list[float]) 
     with pytest.raises(ff.InputError) as error:
         problem.replace(**{key: value})
     assert error.value.key in ("momentum", "wheels.momentum")
+
+
+@pytest.mark.slow
+def test_ranges_narrower_than_the_spacing_of_samples_are_found() -> None:
+    problem, *_ = on_table(123)
+    problem = problem.replace(margin=ff.Margin(problem.margin.measure, 0.29644))
+    headings = np.radians(np.arange(167.0, 168.4, 0.05))
+    evaluator = FeasibilityEvaluator(problem)
+    margins = evaluator.evaluate(problem.plane.attitudes(headings)).margins
+    ranges = {entry.branch: entry for entry in ff.plan(problem).ranges}
+    for branch in (0, 2):
+        kept = problem.margin.keeps(np.nan_to_num(margins[:, branch]))
+        assert kept.any()
+        assert not kept.all()
+        depths = [ranges[branch].depth(heading) for heading in headings.tolist()]
+        np.testing.assert_array_equal(kept, np.array(depths) >= 0.0)

@@ -15,9 +15,10 @@ from math import tau
 import numpy as np
 
 from freefloat.concurrency import Progress
-from freefloat.ensemble.endings import LIMITED, UNREACHED
+from freefloat.ensemble.endings import COMPLETED, LIMITED, UNREACHED
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.ensemble.result import EnsembleResult
+from freefloat.ik.branches import closed_form
 from freefloat.motion.pointing import AttitudeLimits
 from freefloat.motion.problem import Problem
 from freefloat.planning.domain import SearchDomain, branch_changes
@@ -44,6 +45,11 @@ _END = 1e-6
 """Distance of a heading from the limit of the domain that is its cause [rad]."""
 _WIDEST, _NARROWEST = np.radians(1.0 + 1e-6), 1e-6
 """Largest distance of headings tried inside a range, and that of the closest ones [rad]."""
+_FLATTEST = np.radians(0.02)
+"""Distance of headings beside a violated maximum that are not divided further [rad]."""
+_SCANNED, _JUMP = 7200, 0.3
+"""Headings at which arm branches are looked for, and difference of joints from one to the next that
+is none of the same branch [rad, m]."""
 _EXACT, _LEVELS = 1e-8, 8
 """Accuracy of the limits of ranges [rad], and how often an interval is divided in a round."""
 _JUST = 1e-5
@@ -71,7 +77,7 @@ def searched_ranges(
     evaluator.require_memory(samples)
     headings = _headings(problem, samples, domain, known)
     results = evaluator.evaluate(
-        problem.plane.attitudes(headings), stop_at_margin=True, progress=progress
+        problem.plane.attitudes(headings), stop_at_margin=problem.redundant, progress=progress
     )
     if problem.redundant:
         labels = {0: "any"}
@@ -88,7 +94,8 @@ def searched_ranges(
     def motions(headings: Array, columns: IntArray) -> EnsembleResult:
         if followed is not None:
             return followed(headings)
-        return evaluator.motions(problem.plane.attitudes(headings), indices[columns])
+        attitudes, stop = problem.plane.attitudes(headings), problem.redundant
+        return evaluator.motions(attitudes, indices[columns], stop_at_margin=stop)
 
     def within(headings: Array, columns: IntArray) -> tuple[Array, Flags]:
         slacks, kept = _slacks(problem, motions(headings, columns))
@@ -106,7 +113,8 @@ def searched_ranges(
         if followed is not None:
             _follow(within, headings, slacks, kept)
         lines.append(Samples(round_circle, slacks[closed], kept[closed]))
-    lines = resolved(within, lines, _WIDEST, _NARROWEST, _EXACT, _LEVELS)
+    flattest = np.inf if problem.redundant else _FLATTEST
+    lines = resolved(within, lines, _WIDEST, _NARROWEST, _EXACT, _LEVELS, flattest)
 
     limits_of_domain = () if domain.whole else domain.heading_limits(problem.plane)
 
@@ -162,7 +170,7 @@ def _slacks(problem: Problem, motions: EnsembleResult) -> tuple[Array, Flags]:
     """
     threshold = problem.margin.threshold
     kept = motions.keeps(threshold)
-    margins = np.where(kept, motions.minimum - threshold, -threshold)
+    margins = np.where(motions.endings == COMPLETED, motions.minimum - threshold, -threshold)
     best = np.arange(len(margins)), margins.argmax(axis=1)
     ratios = np.where(kept, motions.determinant_ratios, 0.0)
     return np.column_stack([margins[best], ratios[best]]), kept[best]
@@ -215,7 +223,7 @@ def _headings(
 
     Outside a domain that has not all headings there is one next to each of its limits.
     """
-    headings = domain.headings(samples, problem.plane)
+    headings, given = domain.headings(samples, problem.plane), len(known)
     if not domain.whole:
         low, high = domain.heading_limits(problem.plane)
         outside = min(headings[1] - headings[0], np.pi - domain.radius)
@@ -225,7 +233,22 @@ def _headings(
         changes += reach_limits(problem, 0.0)
     if problem.start_joints is not None and not problem.redundant:
         changes += branch_changes(problem, known)
+    elif not problem.redundant and closed_form(problem.chain(), problem.task) is None:
+        known = [*known, *_beside_changes(problem)]
     limits, near = np.array(changes), np.append(_NEAR_KNOWN, -_NEAR_KNOWN)
-    near_known = np.add.outer(known, near).ravel()
+    near_known = np.add.outer(known[:given], near).ravel()
     added = [known, near_known, limits - _NEAR_REACH, limits + _NEAR_REACH]
     return np.unique(np.concatenate([headings, *added]) % tau)
+
+
+def _beside_changes(problem: Problem) -> list[float]:
+    """Headings between which arm branches begin, end, or change their numbers."""
+    headings = np.arange(_SCANNED) * (tau / _SCANNED)
+    branches = problem.many_branches(problem.plane.attitudes(headings))
+    joints, exist = branches.joints, branches.exist
+    both = exist & np.roll(exist, -1, axis=0)
+    jumps = np.where(
+        both, problem.model.joint_distance(joints, np.roll(joints, -1, axis=0)) > _JUMP, False
+    )
+    changed = (jumps | (exist != np.roll(exist, -1, axis=0))).any(axis=1)
+    return [*headings[changed], *np.roll(headings, -1)[changed]]

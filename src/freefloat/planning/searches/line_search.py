@@ -2,7 +2,8 @@
 
 Between neighbouring samples that are kept a function may fall below what is required. It may where
 a sample is a local minimum, or where the steepest slope nearby leads from a sample to the required
-value within the interval. Such intervals are divided again and again, the ends of runs of kept
+value within the interval. Beside a violated sample that is a local maximum of the first requirement
+it may rise above that. Such intervals are divided again and again, the ends of runs of kept
 samples are bisected, and what is found there begins new rounds, until nothing changes.
 """
 
@@ -67,6 +68,20 @@ class Samples:
         steps = np.arange(1, _PARTS) / _PARTS
         return (self.points[:-1][chosen, None] + widths[chosen, None] * steps).ravel()
 
+    def hopeful(self, finest: float) -> Array:
+        """Points beside violated local maxima between which motions may keep all, shape (M,)."""
+        first, widths = self.slacks[:, 0], np.diff(self.points)
+        rises = np.diff(first)
+        before, after = rises[:-1], -rises[1:]
+        peak = ~self.kept[1:-1] & (before >= 0.0) & (after >= 0.0)
+        peak &= (first[1:-1] + np.maximum(before, after) > 0.0) & (first[1:-1] > first.min())
+        beside = np.zeros(len(widths), bool)
+        beside[:-1] |= peak
+        beside[1:] |= peak
+        chosen = beside & (widths > finest)
+        steps = np.arange(1, _PARTS) / _PARTS
+        return (self.points[:-1][chosen, None] + widths[chosen, None] * steps).ravel()
+
     def _next_to_minimum(self) -> Flags:
         """Whether an end of an interval is a local minimum of a requirement, (K - 1, R)."""
         inner = self.slacks[1:-1]
@@ -92,6 +107,7 @@ def resolved(
     finest: float,
     exact: float,
     levels: int,
+    flattest: float = np.inf,
 ) -> list[Samples]:
     """Samples among which nothing but what they show violates a requirement.
 
@@ -102,10 +118,13 @@ def resolved(
         finest: Intervals narrower than this are not divided.
         exact: Distance of the samples at both sides of an end.
         levels: How often an interval may be divided in a round.
+        flattest: Intervals beside violated maxima that are narrower than this are not divided.
     """
     for _ in range(_ROUNDS):
         for _ in range(levels):
-            added = [line.doubtful(widest, finest) for line in lines]
+            added = [
+                np.union1d(line.doubtful(widest, finest), line.hopeful(flattest)) for line in lines
+            ]
             if not any(map(len, added)):
                 break
             lines = _with(function, lines, added)
