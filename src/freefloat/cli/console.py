@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import re
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator
@@ -209,15 +208,6 @@ def decimals(values: Iterable[float], digits: int = 4) -> str:
 def extent(low: float, high: float) -> str:
     """Format the ends of an interval; a low end that is zero but for rounding as zero."""
     return f"{0.0 if abs(low) < 1e-9 * abs(high) else low:.6g} to {high:.6g}"
-
-
-def short_label(label: str) -> str:
-    """``s+ e- w+`` for ``shoulder+ elbow- wrist+``; nothing for numbers and words."""
-    arms = []
-    for arm in label.split(", "):
-        words = [word for word in arm.split() if word[-1] in "+-" or re.fullmatch("[a-z]", word)]
-        arms.append(" ".join(word[0] + word[1:][-1:] for word in words))
-    return ", ".join(filter(None, arms))
 
 
 def search_lines(search: Search) -> Iterator[str]:

@@ -100,6 +100,8 @@ def _tables(summary: RobotSummary, default_link: bool) -> Iterator[RenderableTyp
         texts = (f"{argument.name} {one_line(argument.value)}{' (default)' * argument.default}"
                  for argument in arguments)  # fmt: skip
         yield f"xacro arguments: {', '.join(texts)}"
+    if model.on_table:
+        yield "base planar: it moves along x and y and turns about z; a table carries the rest"
     bodies = table(
         "moved by", "mass [kg]", "range", "centre of mass [m]", "moments of inertia [kg m²]"
     )

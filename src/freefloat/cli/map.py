@@ -19,12 +19,12 @@ from freefloat.cli.console import (
     attitude_text,
     decimals,
     search_lines,
-    short_label,
     table,
 )
 from freefloat.cli.delivery import Delivery
 from freefloat.cli.options import Json, Plots, Quiet, ResultFile, ScenarioName, Threads, numbers
 from freefloat.errors import InputError
+from freefloat.ik.labels import short_label
 
 if TYPE_CHECKING:
     from freefloat.planning.candidates import Candidate

@@ -21,12 +21,12 @@ from freefloat.cli.console import (
     motion_lines,
     present_lines,
     search_lines,
-    short_label,
     table,
 )
 from freefloat.cli.delivery import Delivery
 from freefloat.cli.manoeuvre import goal_tables, manoeuvre_tables
 from freefloat.cli.options import Json, Page, Plots, Quiet, ResultFile, ScenarioName, Threads
+from freefloat.ik.labels import short_label
 
 if TYPE_CHECKING:
     from freefloat.planning.plan import Plan

@@ -19,7 +19,6 @@ from freefloat.cli.console import (
     limit_tables,
     motion_lines,
     present_lines,
-    short_label,
     table,
 )
 from freefloat.cli.delivery import Delivery
@@ -33,6 +32,7 @@ from freefloat.cli.options import (
     numbers,
 )
 from freefloat.errors import InputError
+from freefloat.ik.labels import short_label
 
 if TYPE_CHECKING:
     from freefloat.planning.simulated_branch import SimulatedBranch

@@ -161,6 +161,7 @@ class RobotSummary:
             "urdf": model.description.source,
             "arguments": [asdict(argument) for argument in model.description.arguments],
             "end_effector": model.end_effector,
+            "base": str(model.base),
             "total_mass": model.total_mass,
             "dof": model.dof,
             "task": str(self.task),

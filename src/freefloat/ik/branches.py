@@ -34,11 +34,6 @@ _SLICE = 1024
 _Solved = TypeVar("_Solved")
 
 
-def branch_name(label: str) -> str:
-    """The label of an arm branch; ``branch 1`` where that is a number."""
-    return f"branch {label}" if label.isdigit() else label
-
-
 _ELBOWS = ("elbow+", "elbow-")
 _SIGNS = tuple(
     f"shoulder{shoulder} elbow{elbow} wrist{wrist}"

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.console import RenderableType
 
-from freefloat.cli.console import Console, decimals, short_label, table
+from freefloat.cli.console import Console, decimals, table
 from freefloat.cli.delivery import Delivery
 from freefloat.cli.options import Json, Plots, Quiet, ResultFile
 from freefloat.cli.robots import (
@@ -24,6 +24,7 @@ from freefloat.cli.robots import (
     load_robot,
 )
 from freefloat.errors import InputError, finite_number
+from freefloat.ik.labels import short_label
 
 if TYPE_CHECKING:
     from freefloat.beyond.joint_space.components import SingularityComponents

@@ -15,7 +15,7 @@ from matplotlib.ticker import MaxNLocator
 
 from freefloat.ensemble.endings import COMPLETED, LIMITED, SINGULAR, UNREACHED
 from freefloat.ensemble.wrist_flips import has_wrist_flipped_branches
-from freefloat.ik.branches import branch_name
+from freefloat.ik.labels import branch_name
 from freefloat.motion.margin import keeps_threshold
 from freefloat.planning.space.attitude_map import AttitudeMap
 from freefloat.so3 import Array

@@ -116,10 +116,11 @@ def _motion_figure(motion: Motion, trajectory: Trajectory) -> Figure:
     scale, unit = joint_scale(problem.model)
     joints = joint_names(problem.model)
     axes: Sequence[str] = _AXES
-    spun, frame = "xyz", np.eye(3)
+    level, spun, frame = axes, "xyz", np.eye(3)
     if problem.has_headings:
         letters, frame = problem.plane.letters, problem.plane.axes
-        axes, spun = tuple(f"${letter}$" for letter in letters[:2]), letters[2]
+        level, spun = tuple(f"${letter}$" for letter in letters[:2]), letters[2]
+        axes = level if problem.task.planar else _AXES
     spins = np.degrees(trajectory.angular_velocities @ frame)[:, 3 - len(spun) :]
     spin_names = [rf"$\omega_{axis}$" for axis in spun]
     rate_unit = ", ".join(f"{part}/s" for part in unit.split(", "))
@@ -133,7 +134,7 @@ def _motion_figure(motion: Motion, trajectory: Trajectory) -> Figure:
         (*attitude_curves(problem, trajectory), "deg"),
         ("spacecraft rate,\ninertial axes", spins, spin_names, "deg/s"),
         (word, np.hstack(positions), tips, "m"),
-        ("spacecraft origin,\ninertial axes", trajectory.base_positions @ frame, axes, "m"),
+        ("spacecraft origin,\ninertial axes", trajectory.base_positions @ frame, level, "m"),
     ]
     for panel, (quantity, values, names, quantity_unit) in zip(panels.flat, curves, strict=True):
         draw_curves(panel, trajectory.times, values, names)

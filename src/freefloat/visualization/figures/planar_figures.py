@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from freefloat.ensemble.endings import LIMITED
-from freefloat.ik.branches import branch_name
+from freefloat.ik.labels import branch_name, short_label
 from freefloat.planning.plane.arcs import BranchRanges
 from freefloat.planning.plane.heading_map import HeadingMap
 from freefloat.so3 import Array
@@ -50,7 +50,7 @@ def headings_figure(
     figure = new_figure(COLUMN, 0.7 + 1.35 * len(curves))
     panels = figure.subplots(len(curves), 1, sharex=True, squeeze=False)[:, 0]
     for axes, (branch, name, values, spans) in zip(panels, curves, strict=True):
-        axes.plot(np.degrees(result.headings), values, color=BLUE, label=name)
+        axes.plot(np.degrees(result.headings), values, color=BLUE, label=short_label(name) or name)
         for number, (low, high) in enumerate(spans):
             label = "feasible" if number == 0 else None
             axes.axvspan(low, high, color=_FEASIBLE, linewidth=0.0, zorder=0, label=label)

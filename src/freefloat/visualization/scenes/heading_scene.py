@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from freefloat.ik.branches import branch_name
+from freefloat.ik.labels import branch_name
 from freefloat.planning.plane.heading_map import HeadingMap
 from freefloat.so3 import Array, IntArray
 from freefloat.visualization.scenes.description import (

@@ -13,7 +13,7 @@ from meshcat import geometry as g
 
 from freefloat.attitude_grids import even_directions
 from freefloat.ensemble.wrist_flips import has_wrist_flipped_branches
-from freefloat.ik.branches import branch_name
+from freefloat.ik.labels import branch_name
 from freefloat.planning.space.attitude_map import AttitudeMap
 from freefloat.so3 import Array, Pose
 from freefloat.visualization.scenes.description import (
