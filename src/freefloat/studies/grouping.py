@@ -152,7 +152,7 @@ def _unfit_values(
     if turned and _mounts_vary(parameters):
         yield f"the mount varies, and with it the {frame} frame of the path"
     if "heading_deg" in parameters and not problem.has_headings:
-        yield "heading_deg varies, but the task is not planar"
+        yield "heading_deg varies, but the spacecraft does not turn in a plane"
 
 
 def _mounts_vary(parameters: Mapping[str, Any]) -> bool:

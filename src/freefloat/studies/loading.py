@@ -97,7 +97,7 @@ def _check_goal(study: Study) -> None:
 
 
 def _check_start(study: Study) -> None:
-    """Check that simulations have a start, an attitude or in the plane a heading; track may."""
+    """Check that simulations have a start, an attitude, or in the plane and on a table a heading; track may."""
     content, task = study.content, study.base.get("task")
     starts = [key for key in START_KEYS if getattr(content, key) is not None]
     starts += [f"vary.{key}" for key in START_KEYS if key in content.vary]
@@ -110,14 +110,15 @@ def _check_start(study: Study) -> None:
         if content.branch is not None:
             raise InputError("branch", "track follows the plan of the scenario", "an attitude, too")
         return
-    planar = task in [str(task) for task in Task if task.planar]
+    planar = task in [str(task) for task in Task if task.planar] or study.base_robot.on_table
     expected = "heading_deg" if planar else "attitude"
     if len(starts) != 1:
         keys = " and ".join(starts) or "none"
         given = f"{keys} {'are both' if starts else 'was'} given"
         raise InputError(expected, given, f"one of {expected} and vary.{expected}")
     if starts[0].endswith("heading_deg") and not planar and "task" not in content.vary:
-        raise InputError("heading_deg", f"the task {task} is not planar", "attitude")
+        problem = f"the task {task} is not planar, nor is the robot on a table"
+        raise InputError("heading_deg", problem, "attitude")
 
 
 def _check_use(study: Study) -> None:
