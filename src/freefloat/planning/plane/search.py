@@ -18,7 +18,7 @@ from freefloat.concurrency import Progress
 from freefloat.ensemble.endings import COMPLETED, LIMITED, UNREACHED
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.ensemble.result import EnsembleResult
-from freefloat.ik.branches import closed_form
+from freefloat.ik.branches import closed_form, searched_labels
 from freefloat.motion.pointing import AttitudeLimits
 from freefloat.motion.problem import Problem
 from freefloat.planning.domain import SearchDomain, branch_changes
@@ -85,7 +85,8 @@ def searched_ranges(
         labels = {0: "elbow+", 1: "elbow-"}
     else:
         existing = np.flatnonzero(results.exist.any(axis=0)).tolist()
-        labels = {index: str(index) for index in existing}
+        names = dict(enumerate(searched_labels(problem.chain(), problem.task)))
+        labels = {index: names.get(index, str(index)) for index in existing}
     if not labels:
         return ()
     indices = np.array(list(labels))

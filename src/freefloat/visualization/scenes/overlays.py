@@ -16,6 +16,7 @@ from freefloat.visualization.scenes.scene_builder import SceneBuilder
 
 PATH, TRAIL, AREAS = "End-effector path", "Trail", "Areas"
 CENTRE, MOMENTUM = "Centre of mass", "Momentum"
+TABLE = "Table"
 BASE_AXES, END_EFFECTOR_AXES, SINGULARITY = "Spacecraft axes", "End-effector axes", "Singularity"
 ITEMS = (PATH, TRAIL, AREAS, CENTRE, MOMENTUM, BASE_AXES, END_EFFECTOR_AXES, SINGULARITY)
 """Nodes of the scene tree that can be hidden, and their names on the page."""
@@ -25,6 +26,7 @@ _GOLD = (1.0, 0.84, 0.2, 1.0)
 _RED = (0.95, 0.25, 0.1, 1.0)
 _DEPENDENT = (0.62, 0.66, 0.75)
 _INDEPENDENT = (0.0, 0.62, 0.45)
+_GRANITE = (0.36, 0.38, 0.42, 1.0)
 _AXES = np.array([[0.90, 0.25, 0.20], [0.25, 0.75, 0.30], [0.30, 0.50, 1.00]])
 
 SIDES = 10
@@ -78,6 +80,17 @@ def draw_areas(builder: SceneBuilder, root: str, problem: Problem, areas: Worksp
         else:
             ball = icosphere(subdivisions=4, radius=outer)
             builder.mesh(path, (ball.vertices, ball.faces), (*colour, 0.10))
+
+
+def draw_table(builder: SceneBuilder, root: str, corners: Array) -> None:
+    """Draw the table on which a body stands that has corners (K, 3) along its way."""
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    width = 2.0 * float((high - low)[:2].max())
+    thick = 0.04 * width
+    builder.place(
+        f"{root}/{TABLE}", Pose([*(low + high)[:2] / 2.0, low[2] - thick / 2.0], np.eye(3))
+    )
+    builder.mesh(f"{root}/{TABLE}", g.Box([width, width, thick]), _GRANITE)
 
 
 def _ring(inner: float, outer: float, z: float) -> tuple[Array, IntArray]:

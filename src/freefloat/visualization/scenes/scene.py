@@ -32,12 +32,14 @@ from freefloat.visualization.scenes.overlays import (
     END_EFFECTOR_AXES,
     ITEMS,
     SIDES,
+    TABLE,
     TRAIL,
     draw_areas,
     draw_axes,
     draw_centre,
     draw_ending,
     draw_path,
+    draw_table,
     draw_trail,
     thickness,
 )
@@ -119,6 +121,7 @@ def motion_scene(
     )
     others = dict.fromkeys(item for sampled in samples for item in sampled.surroundings.items)
     others |= {POINTING: None} if pointing else {}
+    others |= {TABLE: None} if problem.model.on_table else {}
     items = {item: item != AREAS or planar for item in (ROBOT, *ITEMS, *others)}
     remarks = dict.fromkeys(
         text
@@ -182,6 +185,8 @@ def _draw(
         moved[f"{root}/{item}"] = body
     for path, body in moved.items():
         builder.move(path, times, positions[body], quaternions[body])
+    if problem.model.on_table:
+        draw_table(builder, root, _swept_corners(sampled, body=0))
     if areas is not None:
         draw_areas(builder, root, problem, areas)
         path = f"{root}/{AREAS}/{areas.point}"
@@ -208,6 +213,14 @@ def _draw(
         trail=trail,
         lines=() if contact is None else (f"warning: {contact}",),
     )
+
+
+def _swept_corners(sampled: SampledMotion, body: int) -> Array:
+    """Corners of a body along a motion, frame of the path [m], shape (K, 3)."""
+    shapes = [shape for shape in sampled.visuals.shapes if shape.body == body]
+    corners = np.vstack([bounding_box(shape) for shape in shapes])
+    positions, rotations = sampled.positions[:, body, None], sampled.rotations[:, body]
+    return (positions + corners @ rotations.swapaxes(1, 2)).reshape(-1, 3)
 
 
 def _verdict(motion: Motion) -> str:
