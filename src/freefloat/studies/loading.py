@@ -97,7 +97,7 @@ def _check_goal(study: Study) -> None:
 
 
 def _check_start(study: Study) -> None:
-    """Check that simulations have a start, track may: an attitude, or where it applies a heading."""
+    """Check that simulations have a start, an attitude or a heading; track may."""
     content, task = study.content, study.base.get("task")
     starts = [key for key in START_KEYS if getattr(content, key) is not None]
     starts += [f"vary.{key}" for key in START_KEYS if key in content.vary]

@@ -87,9 +87,8 @@ def draw_table(builder: SceneBuilder, root: str, corners: Array) -> None:
     low, high = corners.min(axis=0), corners.max(axis=0)
     width = 2.0 * float((high - low)[:2].max())
     thick = 0.04 * width
-    builder.place(
-        f"{root}/{TABLE}", Pose([*(low + high)[:2] / 2.0, low[2] - thick / 2.0], np.eye(3))
-    )
+    middle = np.array([*(low + high)[:2] / 2.0, low[2] - thick / 2.0])
+    builder.place(f"{root}/{TABLE}", Pose(middle, np.eye(3)))
     builder.mesh(f"{root}/{TABLE}", g.Box([width, width, thick]), _GRANITE)
 
 
