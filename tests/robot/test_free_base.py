@@ -37,6 +37,11 @@ def virtual(kinds: str, axes: list[str], content: str = "", at: str = "0 0 0") -
     return "".join([*links, *joints])
 
 
+def planar(axis: str) -> str:
+    """A planar joint to the spacecraft."""
+    return joint_text("virtual", "R", "world", "bus", axis=axis).replace("revolute", "planar")
+
+
 FREE = {
     "a floating joint": link_text("world") + FLOATING,
     "frames above it": link_text("map") + link_text("world") + joint_text("m", "F", "map", "world")
@@ -102,6 +107,22 @@ def test_an_arm_with_a_free_base_is_mounted_by_its_base() -> None:
     np.testing.assert_array_equal(free.bodies[0].inertia, plain.bodies[0].inertia)
 
 
+@pytest.mark.parametrize(
+    "base",
+    [link_text("world") + planar(Z), virtual("PPC", [X, Y, Z]), virtual("CPP", [Z, Y, X]),
+     link_text("world") + planar("0 0 -1")],
+)  # fmt: skip
+def test_a_planar_base_floats_on_a_table(base: str) -> None:
+    found = ff.FreeFloatingModel.from_urdf(within(base), robot().end_effector)
+    stated = ff.FreeFloatingModel.from_urdf(robot().text, robot().end_effector, base="planar")
+    assert (found.base, found.joint_names) == ("planar", stated.joint_names)
+    q = np.linspace(-0.5, 0.5, found.dof)
+    S, expected = (ff.generalized_jacobian(model, q, "position") for model in (found, stated))
+    np.testing.assert_array_equal(S, expected)
+    free = ff.FreeFloatingModel.from_urdf(within(base), robot().end_effector, base="free")
+    assert free.base == "free"
+
+
 MASSIVE = link_text("world", inertial_text(3.0, np.eye(3)))
 BALL = "<visual><geometry><sphere radius='1'/></geometry></visual>"
 REFUSED = {
@@ -113,9 +134,12 @@ REFUSED = {
     "a joint beside it": (
         link_text("world") + link_text("door") + joint_text("hinge", "R", "world", "door")
         + FLOATING, "joint virtual"),
-    "a planar joint": (
-        link_text("world") + FLOATING.replace("floating", "planar"), "joint virtual"),
-    "a planar base of virtual joints": (virtual("PPC", [X, Y, Z]), "joint jv1"),
+    "a planar joint about x": (link_text("world") + planar(X), "joint virtual"),
+    "two planar joints": (
+        link_text("world") + link_text("client") + planar(Z)
+        + planar(Z).replace("virtual", "other").replace('"bus"', '"client"'), "joint virtual"),
+    "virtual joints of an upright plane": (virtual("PPC", [X, Z, Y]), "joint jv1"),
+    "parallel slides": (virtual("PPC", [X, X, Z]), "joint jv1"),
     "a base that turns only": (virtual("RRR", [X, Y, Z]), "joint jv1"),
     "virtual joints that do not span": (virtual("PPPRRR", [X, Y, X, X, Y, Z]), "joint jv1"),
     "virtual joints with tiny masses": (virtual("PPPRRR", [X, Y, Z, X, Y, Z], TINY), "joint jv1"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 from pathlib import Path
 
@@ -41,7 +42,8 @@ SLIDES = [f'<joint name="{name}" type="slide" axis="{axis}"/>'
           for name, axis in (("x", "1 0 0"), ("y", "0 1 0"), ("z", "0 0 1"))]  # fmt: skip
 HINGES = [text.replace("slide", "hinge").replace('name="', 'name="r') for text in SLIDES]
 BASES = {
-    "planar": [*SLIDES[:2], HINGES[2]],
+    "upright plane": [SLIDES[0], SLIDES[2], HINGES[1]],
+    "planar with a range": [*SLIDES[:2], HINGES[2].replace("/>", ' range="-1 1"/>')],
     "a hinge": HINGES[:1],
     "two slides": SLIDES[:2],
     "a ball": ['<joint name="b" type="ball"/>'],
@@ -73,16 +75,16 @@ def test_free_bases_are_the_same_robot(root: str, tmp_path: Path) -> None:
 
 
 def test_a_base_in_the_plane_of_its_arm_is_as_good_as_free(tmp_path: Path) -> None:
-    """Two slides and a hinge; heavier above the plane, or bent out of it, the robot would tilt."""
+    """Two slides and a hinge about y; heavier beside the plane, the robot would tilt."""
     links = (
-        '<body name="upper" pos="0.25 0 0"><joint name="q1" axis="0 0 1"/>{upper}'
-        '<body name="fore" pos="0.4 0 0"><joint name="q2" axis="0 0 1"/>{fore}'
+        '<body name="upper" pos="0.25 0 0"><joint name="q1" axis="0 1 0"/>{upper}'
+        '<body name="fore" pos="0.4 0 0"><joint name="q2" axis="0 1 0"/>{fore}'
         '<site name="tip" pos="0.4 0 0"/></body></body>'
     )
-    part = '<geom type="box" size="0.2 0.02 0.02" pos="0.2 0 {}" mass="1.5"/>'
+    part = '<geom type="box" size="0.2 0.02 0.02" pos="0.2 {} 0" mass="1.5"/>'
     flat = links.format(upper=part.format(0), fore=part.format(0))
     bus = '<body name="bus">{}<geom type="box" size="0.25 0.25 0.2" mass="80"/>{}</body>'
-    file, base = tmp_path / "planar.xml", "".join([*SLIDES[:2], HINGES[2]])
+    file, base = tmp_path / "planar.xml", "".join([SLIDES[0], SLIDES[2], HINGES[1]])
 
     def loaded(joints: str, arm: str) -> ff.FreeFloatingModel:
         file.write_text(f"<mujoco><worldbody>{bus.format(joints, arm)}</worldbody></mujoco>")
@@ -90,13 +92,24 @@ def test_a_base_in_the_plane_of_its_arm_is_as_good_as_free(tmp_path: Path) -> No
 
     q = [0.3, 0.7]
     for sign in (1, -1):
-        arm = flat.replace('axis="0 0 1"', f'axis="0 0 {sign}"')
+        arm = flat.replace('axis="0 1 0"', f'axis="0 {sign} 0"')
         planar, free = (loaded(joints, arm) for joints in (base, "<freejoint/>"))
         S, expected = (ff.generalized_jacobian(model, q, "planar-position")
                        for model in (planar, free))  # fmt: skip
         np.testing.assert_array_equal(S, expected)
-    for arm in (flat.replace("0.2 0 0", "0.2 0 0.1", 1), flat.replace("0 0 1", "0 1 0")):
+    for arm in (flat.replace("0.2 0 0", "0.2 0.1 0", 1), flat.replace("0 1 0", "1 0 0")):
         assert error_key(loaded, base, arm) == "root"
+
+
+def test_two_slides_and_a_hinge_about_z_are_a_planar_base(tmp_path: Path) -> None:
+    for order in itertools.permutations([*SLIDES[:2], HINGES[2]]):
+        file = written(tmp_path, "".join(order))
+        model = ff.FreeFloatingModel.from_urdf(file, "hand")
+        assert (model.base, model.joint_names) == ("planar", ("q1", "q2", "q3"))
+        free = ff.FreeFloatingModel.from_urdf(written(tmp_path), "hand", base="planar")
+        q = [0.3, -0.7, 0.5]
+        S, expected = (ff.generalized_jacobian(robot, q, "position") for robot in (model, free))
+        np.testing.assert_array_equal(S, expected)
 
 
 def test_bases_that_are_tied_to_the_world_are_refused(tmp_path: Path) -> None:

@@ -160,7 +160,7 @@ def _is_on_table(robot: RobotDescription, joints: Sequence[Joint]) -> bool:
     seen = np.array(axes) @ rotation
     slides = seen[np.array(kinds)]
     level = bool(np.abs(slides[:, 2]).max() < _ROUNDED and _is_vertical(seen[~np.array(kinds)][0]))
-    return level and bool(abs(np.cross(*slides[:, :2])) > _INDEPENDENT)
+    return level and bool(abs(np.linalg.det(slides[:, :2])) > _INDEPENDENT)
 
 
 def _is_free(robot: RobotDescription, joints: Sequence[Joint]) -> bool:
