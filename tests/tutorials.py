@@ -29,6 +29,11 @@ ENDS = {
     "09_inspect_a_client": ("moved by the cones: {} deg", 15.1, 3.0),
     "10_capture_a_client": ("with locked joints: {} deg/s", 0.367, 0.01),
     "11_two_arms": ("moving: the spacecraft turns by up to {} deg", 1.52, 0.01),
+    "12_from_the_table_to_orbit": (
+        "smallest |det S*|: 0.0650 on the table, {} in orbit",
+        0.0475,
+        0.0005,
+    ),
 }
 """The last line of each, the number in it, and how far it may be off: where a search decides, as
 far as its samples are apart."""
@@ -42,6 +47,7 @@ WRITTEN = {
     "09_inspect_a_client": ["inspect_client.html", "angles.png", "plan.h5", "plan.csv"],
     "10_capture_a_client": ["capture_client.html", "manoeuvre.png", "manoeuvre.h5"],
     "11_two_arms": ["two_arms.html", "moved.h5"],
+    "12_from_the_table_to_orbit": ["table_and_orbit.png"],
 }
 
 

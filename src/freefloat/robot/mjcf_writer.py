@@ -28,7 +28,7 @@ _STEP = "0.001"
 
 
 def robot_mjcf(model: FreeFloatingModel, *, shapes: bool = True) -> ET.Element:
-    """A model with a free base and a motor for each joint, without gravity and contacts.
+    """A model with a free or planar base and a motor for each joint, without gravity and contacts.
 
     Args:
         model: A robot without :func:`why_refused`.
@@ -45,7 +45,9 @@ def robot_mjcf(model: FreeFloatingModel, *, shapes: bool = True) -> ET.Element:
     elements: list[ET.Element] = []
     motors = _add(root, "actuator")
     for number, (name, body) in enumerate(zip(model.body_names, model.bodies, strict=True)):
-        parent = _body(elements[body.parent] if elements else world, name, body, not elements)
+        parent = _body(elements[body.parent] if elements else world, name, body)
+        if not elements:
+            _add_base(parent, model)
         elements.append(parent)
         for link, (place_number, place) in model.link_places.items():
             if shapes and place_number == number:
@@ -72,12 +74,22 @@ def why_refused(model: FreeFloatingModel) -> str | None:
     return None
 
 
-def _body(parent: ET.Element, name: str, body: Body, free: bool) -> ET.Element:
-    """A body with its joint and its inertia."""
+def _add_base(element: ET.Element, model: FreeFloatingModel) -> None:
+    """Add the joints of the base: a free one; on a table two slides and a hinge."""
+    name = model.bodies[0].joint
+    if not model.on_table:
+        element.insert(0, ET.Element("freejoint", name=name))
+        return
+    joints = (("x", "slide", "1 0 0"), ("y", "slide", "0 1 0"), ("turn", "hinge", "0 0 1"))
+    for place, (part, kind, axis) in enumerate(joints):
+        joint = ET.Element("joint", name=f"{name}_{part}", type=kind, axis=axis)
+        element.insert(place, joint)
+
+
+def _body(parent: ET.Element, name: str, body: Body) -> ET.Element:
+    """A body with its joint, but that of the base, and its inertia."""
     element = _add(parent, "body", name=name, **_place(body.placement))
-    if free:
-        _add(element, "freejoint", name=body.joint)
-    else:
+    if parent.tag == "body":
         kind = "slide" if body.prismatic else "hinge"
         finite = np.isfinite([body.lower, body.upper]).all() and body.lower < body.upper
         limits = {"range": attribute([body.lower, body.upper])} if finite else {}

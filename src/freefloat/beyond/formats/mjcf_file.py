@@ -14,7 +14,7 @@ from freefloat.so3 import Array
 
 
 def mjcf_text(trajectory: Trajectory) -> str:
-    """Text of a model with a free base and a motor for each joint, without gravity and contacts.
+    """Text of a model with a motor for each joint, without gravity and contacts.
 
     The key frames ``initial`` and ``final`` are the first and the last state of the trajectory. All
     meshes are in the file; those that cannot be read are left out.
@@ -47,8 +47,14 @@ def _state(trajectory: Trajectory, k: int) -> dict[str, str]:
     """A state of the trajectory; rates without a bound, at a singularity, are zero."""
     attitude = trajectory.attitudes[k]
     omega = rotation_matrix(attitude).T @ trajectory.angular_velocities[k]
-    position = [trajectory.base_positions[k], np.roll(attitude, 1), trajectory.joints[k]]
-    rates: list[Array] = [trajectory.base_velocities[k], omega, trajectory.joint_rates[k]]
+    place, velocity = trajectory.base_positions[k], trajectory.base_velocities[k]
+    position = [place, np.roll(attitude, 1), trajectory.joints[k]]
+    rates: list[Array] = [velocity, omega, trajectory.joint_rates[k]]
+    problem = trajectory.motion.problem
+    if problem.model.on_table:
+        heading = problem.plane.heading(attitude)
+        position = [place[:2], np.array([heading]), trajectory.joints[k]]
+        rates = [velocity[:2], omega[2:], trajectory.joint_rates[k]]
     return {
         "qpos": attribute(np.concatenate(position)),
         "qvel": attribute(np.nan_to_num(np.concatenate(rates))),
