@@ -1,7 +1,7 @@
 """From the table to orbit: what a testbed shows of a motion in space, and what it does not.
 
 ``python scripts/12_from_the_table_to_orbit.py`` ends in the margins of the same path on an air
-bearing table and in free space. ``freefloat models table/ur5`` prints the scenario.
+bearing table and in free space. ``freefloat models ur5_servicer/table`` prints the scenario.
 """
 
 from dataclasses import replace
@@ -12,9 +12,9 @@ import numpy as np
 import freefloat as ff
 
 # On the table the base moves along x and y and turns about z; its attitudes are headings.
-table = ff.load_scenario("table/ur5").problem()
+table = ff.load_scenario("ur5_servicer/table").problem()
 print(f"base: {table.model.base}")
-plan = ff.plan(table, ff.load_scenario("table/ur5").search())
+plan = ff.plan(table, ff.load_scenario("ur5_servicer/table").search())
 print(f"on the table: {plan.reason}")
 start = plan.motion.initial
 
