@@ -77,11 +77,7 @@ class PosedManoeuvre:
 
     @cached_property
     def phases(self) -> tuple[Phase, ...]:
-        """What follows the path.
-
-        Raises:
-            InputError: If a value is invalid, or a phase cannot follow those before.
-        """
+        """What follows the path, see :meth:`.Scenario.phases`."""
         scenario, content = self._scenario, self._scenario.content
         problem, folder = scenario.problem(), scenario.source.parent
         keys, phases = list[str](), list[Phase]()

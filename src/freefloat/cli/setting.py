@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from freefloat.scene.scene_body import SceneBody
 
 
-def mission_document(scenario: Scenario) -> dict[str, Any]:
+def setting_document(scenario: Scenario) -> dict[str, Any]:
     """Scene, limits, wheels, drift and goal with the keys of a scenario."""
     from freefloat.io.scenario.limits_section import limits_content
     from freefloat.io.scenario.scene_section import scene_content
@@ -33,7 +33,7 @@ def mission_document(scenario: Scenario) -> dict[str, Any]:
     }
 
 
-def mission_tables(scenario: Scenario) -> Iterator[RenderableType]:
+def setting_tables(scenario: Scenario) -> Iterator[RenderableType]:
     """The same as tables and lines, of those that there are."""
     from freefloat.io.scenario.limits_section import limits_content
 
