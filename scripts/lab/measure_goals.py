@@ -17,8 +17,8 @@ import numpy as np
 from goals.queries import IDENTITY, JOINTS, queries
 
 import freefloat as ff
-from freefloat.planning.goals.goal_motion import GoalMotion
-from freefloat.planning.goals.joint_paths import Ends, JointPaths
+from freefloat.beyond.missions.goals.goal_motion import GoalMotion
+from freefloat.beyond.missions.goals.joint_paths import Ends, JointPaths
 
 KINDS = ("attitude", "pose", "joints", "client", "narrow")
 

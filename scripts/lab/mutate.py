@@ -34,19 +34,19 @@ from mutants import Mutant, mutants_of
 ROOT = Path(__file__).parents[2]
 RANGES = "tests/validation/test_brute_force.py::test_random_ranges_agree_with_brute_force"
 KINDS = "tests/test_result_kinds.py -k 'not page and not figure'"
-LOADED = "tests/cli/test_manoeuvre.py::test_a_loaded_motion_knows_what_moves_its_arm"
+LOADED = "tests/missions/test_manoeuvre_command.py::test_a_loaded_motion_knows_what_moves_its_arm"
 ARMS = "tests/motion/test_two_arms.py::test_plans_are_saved_loaded_and_checked"
 TESTS = {
     "dynamics.momentum": "tests/dynamics/test_momentum.py tests/validation/test_planar_golden.py",
     "io.records": "tests/io/test_results.py tests/io/test_scene_section.py "
     f"tests/io/test_singularity_file.py {LOADED} {ARMS} {KINDS}",
-    "limits": f"tests/limits tests/planning/test_goals.py::test_gradients_of_clearances {KINDS}",
+    "limits": f"tests/limits tests/missions/test_goals.py::test_gradients_of_clearances {KINDS}",
     "motion.integration": "tests/motion/test_integration.py tests/motion/test_motion.py "
     "tests/motion/test_extrema.py",
     "motion.law": "tests/motion/test_law.py tests/motion/test_two_arms.py "
     "tests/validation/test_mujoco.py",
-    "planning.phases": "tests/planning/test_phases.py tests/planning/test_manoeuvre.py "
-    "tests/planning/test_phase_limits.py",
+    "beyond.missions.phases": "tests/missions/test_phases.py tests/missions/test_manoeuvre.py "
+    "tests/missions/test_phase_limits.py",
     "planning.plane.ranges": f"tests/planning/test_planar_ranges.py {RANGES}[2] {RANGES}[4]",
     "planning.touching.tangent_points": "tests/planning/test_touch_points.py -k 'not brute_force'",
     "records": "tests/test_records.py",

@@ -79,15 +79,15 @@ from .planning.objectives.objectives import Weights as Weights
 from .planning.timing.retiming import retime as retime
 
 # Beyond the paper: goals and manoeuvres
-from .planning.goals.goal import Goal as Goal
-from .planning.goals.mover import move as move
-from .planning.goals.reorientation import reorient as reorient
-from .dynamics.capture import Client as Client
-from .dynamics.capture import capture as capture
-from .planning.phases.kinds.capture_phase import CapturePhase as CapturePhase
-from .planning.phases.kinds.goal_phase import GoalPhase as GoalPhase
-from .planning.phases.kinds.path_phase import PathPhase as PathPhase
-from .planning.phases.manoeuvre_planner import plan_manoeuvre as plan_manoeuvre
+from .beyond.missions.goals.goal import Goal as Goal
+from .beyond.missions.goals.mover import move as move
+from .beyond.missions.goals.reorientation import reorient as reorient
+from .beyond.missions.capture import Client as Client
+from .beyond.missions.capture import capture as capture
+from .beyond.missions.phases.kinds.capture_phase import CapturePhase as CapturePhase
+from .beyond.missions.phases.kinds.goal_phase import GoalPhase as GoalPhase
+from .beyond.missions.phases.kinds.path_phase import PathPhase as PathPhase
+from .beyond.missions.phases.manoeuvre_planner import plan_manoeuvre as plan_manoeuvre
 
 # Beyond the paper: engines and exports
 from .io.formats.export import export as export

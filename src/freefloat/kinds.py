@@ -56,6 +56,36 @@ def later(place: str) -> Callable[..., Any]:
 
 
 @dataclass(frozen=True)
+class SectionKind:
+    """Names of what belongs to a section of scenarios.
+
+    Attributes:
+        section: Class of the section, or of each of its entries.
+        posed: Class of what scenarios with the section ask for, made of a scenario; its method
+            ``plan`` finds it.
+        content: Function of what was asked for that returns contents of such sections, and texts
+            of CSV files by name; empty where results do not have it.
+    """
+
+    section: str
+    posed: str
+    content: str = ""
+
+
+SECTIONS = {
+    "goal": SectionKind(
+        "beyond.missions.goal_section:GoalSection", "beyond.missions.posed:PosedGoal"
+    ),
+    "phases": SectionKind(
+        "beyond.missions.phase_section:PhaseSection",
+        "beyond.missions.posed:PosedManoeuvre",
+        "beyond.missions.phase_section:phases_content",
+    ),
+}
+"""Sections of scenario files that ask for more than a path, by key."""
+
+
+@dataclass(frozen=True)
 class ResultKind:
     """Names of what belongs to a kind of results.
 
@@ -64,14 +94,24 @@ class ResultKind:
         figures: Function of a result, a number of threads and the progress.
         scene: Function of a result and a title.
         report: Function of a result and an engine; empty for records that are not saved.
-        decode: Function of the tree of a file and its robot; empty where a scenario is needed.
+        values: Function of a result that returns the values of a run of a study by column.
+        tables: Function of the name of a scenario, of what ``plan`` finds for it and of whether
+            details are wanted.
+        decode: Function of the tree of a file and its scenario, or its robot without a scenario;
+            empty for records of a problem, a search and limits.
+        codec: Codec of the record.
+        has_scenario: Whether files hold a scenario, which poses its problem.
     """
 
     record: str
     figures: str
     scene: str
     report: str = ""
+    values: str = ""
+    tables: str = ""
     decode: str = ""
+    codec: str = "verification.codec:CODEC"
+    has_scenario: bool = True
 
 
 RESULT_KINDS = {
@@ -80,43 +120,55 @@ RESULT_KINDS = {
         "visualization.figures.figures:plan_figures",
         "visualization.scenes.result_scenes:plan_scene",
         "verification.path_motions:plan_report",
+        "studies.values:plan_values",
+        "cli.plan:plan_tables",
     ),
     "motion": ResultKind(
         "planning.simulation:Simulation",
         "visualization.figures.figures:simulation_figures",
         "visualization.scenes.result_scenes:simulation_scene",
         "verification.path_motions:simulation_report",
+        "studies.values:simulation_values",
     ),
     "goal": ResultKind(
-        "planning.goals.goal_motion:GoalMotion",
-        "visualization.figures.figures:goal_figures",
-        "visualization.scenes.result_scenes:goal_scene",
-        "verification.goal_motions:goal_report",
+        "beyond.missions.goals.goal_motion:GoalMotion",
+        "beyond.missions.figures:goal_figures",
+        "beyond.missions.scenes:goal_scene",
+        "beyond.missions.goal_verification:goal_report",
+        "beyond.missions.values:goal_values",
+        "beyond.missions.tables:goal_tables",
     ),
     "manoeuvre": ResultKind(
-        "planning.phases.manoeuvre:Manoeuvre",
-        "visualization.figures.figures:manoeuvre_figures",
-        "visualization.scenes.result_scenes:manoeuvre_scene",
-        "verification.manoeuvre:manoeuvre_report",
+        "beyond.missions.phases.manoeuvre:Manoeuvre",
+        "beyond.missions.figures:manoeuvre_figures",
+        "beyond.missions.scenes:manoeuvre_scene",
+        "beyond.missions.manoeuvre_verification:manoeuvre_report",
+        "beyond.missions.values:manoeuvre_values",
+        "beyond.missions.tables:manoeuvre_tables",
+        "beyond.missions.manoeuvre_files:decode_manoeuvre",
+        "beyond.missions.manoeuvre_files:CODEC",
     ),
     "attitude map": ResultKind(
         "planning.space.attitude_map:AttitudeMap",
         "visualization.figures.figures:attitude_map_figures",
         "visualization.scenes.map_scene:map_scene",
         "verification.margin_maps:map_report",
+        "studies.values:attitude_map_values",
     ),
     "map": ResultKind(
         "planning.plane.heading_map:HeadingMap",
         "visualization.figures.figures:heading_map_figures",
         "visualization.scenes.heading_scene:heading_scene",
         "verification.margin_maps:map_report",
+        "studies.values:heading_map_values",
     ),
     "singularity map": ResultKind(
         "beyond.joint_space.singularity_map:SingularityMap",
         "beyond.joint_space.figures:map_figures",
         "beyond.joint_space.scene:singularity_scene",
         "beyond.joint_space.verification:singularity_map_report",
-        "beyond.joint_space.verification:decoded",
+        decode="beyond.joint_space.verification:decoded",
+        has_scenario=False,
     ),
 }
 """Kinds of results that are saved, by the attribute ``kind`` of their records."""
@@ -134,9 +186,10 @@ def kind_of(result: object, *, saved: bool = False) -> ResultKind:
         InputError: If the object is no result.
     """
     kinds: list[ResultKind] = [*RESULT_KINDS.values(), *(() if saved else (_MOTION,))]
-    place = f"{type(result).__module__}:{type(result).__name__}"
+    record = result.__class__
+    place = f"{record.__module__}:{record.__name__}"
     for kind in kinds:
         if place == f"freefloat.{kind.record}":
             return kind
     names = ", ".join(kind.record.partition(":")[2] for kind in kinds)
-    raise InputError("result", f"a {type(result).__name__} was given", names)
+    raise InputError("result", f"a {record.__name__} was given", names)

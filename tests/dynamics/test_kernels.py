@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import freefloat as ff
+from freefloat.beyond.missions.goals.placements import Arm, Placements
 from freefloat.dynamics.kernels import configurations
 from freefloat.dynamics.momentum import inertia_matrices
 from freefloat.dynamics.robot_arrays import kernel_robot
-from freefloat.planning.goals.placements import Arm, Placements
 from tests.lock_step import plain_kernels
 from tests.robots import random_robot
 from tests.two_arms import random_case

@@ -11,7 +11,6 @@ from rich.console import RenderableType
 from rich.text import Text
 
 from freefloat.cli.console import Console, decimals, extent, table
-from freefloat.cli.mission import mission_document, mission_tables
 from freefloat.cli.options import Attitude, Json, Quiet, numbers
 from freefloat.cli.robots import (
     EndEffector,
@@ -24,6 +23,7 @@ from freefloat.cli.robots import (
     load_robot,
     not_read_lines,
 )
+from freefloat.cli.setting import setting_document, setting_tables
 from freefloat.errors import one_line
 
 if TYPE_CHECKING:
@@ -80,12 +80,12 @@ def info(
         why_unchecked(loaded.model),
     )
     document = summary.to_dict()
-    document |= {} if scenario is None else mission_document(scenario)
+    document |= {} if scenario is None else setting_document(scenario)
     console.json(document)
     default_link = end_effector is None and scenario is None
     console.tables(_tables(summary, default_link))
     if scenario is not None:
-        console.tables(mission_tables(scenario))
+        console.tables(setting_tables(scenario))
     console.tables(_remarks(summary))
 
 

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
-from functools import partial
-from typing import TYPE_CHECKING, Annotated, Any
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import RenderableType
@@ -24,9 +23,9 @@ from freefloat.cli.console import (
     table,
 )
 from freefloat.cli.delivery import Delivery
-from freefloat.cli.manoeuvre import goal_tables, manoeuvre_tables
 from freefloat.cli.options import Json, Page, Plots, Quiet, ResultFile, ScenarioName, Threads
 from freefloat.ik.labels import short_label
+from freefloat.kinds import kind_of, named
 
 if TYPE_CHECKING:
     from freefloat.planning.plan import Plan
@@ -74,15 +73,12 @@ def plan(
     delivery.prepare(loaded.source)
     with console.progress("integrating motions") as progress:
         result = loaded.plan(stretch=stretch, threads=threads, progress=progress)
-    tables: dict[str, Callable[[str, Any], Iterator[RenderableType]]] = {
-        "plan": _tables, "goal": goal_tables,
-        "manoeuvre": partial(manoeuvre_tables, verbose=verbose),
-    }  # fmt: skip
-    delivery.deliver(result, tables[result.kind](scenario, result), scenario, loaded)
+    tables = named(kind_of(result).tables)(scenario, result, verbose)
+    delivery.deliver(result, tables, scenario, loaded)
     raise typer.Exit(DONE if result.feasible else NEGATIVE)
 
 
-def _tables(name: str, plan: Plan) -> Iterator[RenderableType]:
+def plan_tables(name: str, plan: Plan, _: bool) -> Iterator[RenderableType]:
     """The feasible attitudes, the chosen one, its tolerances, motion and limits."""
     other = "other " if _limits_attitude(plan) else ""
     scope = f" ({other}limits not considered)" if plan.limit_results else ""

@@ -9,6 +9,7 @@ from typing import Any
 from freefloat.dynamics.redundancy import Redundancy
 from freefloat.ensemble.compiled_motions import precise_motion
 from freefloat.ik.branches import ArmBranch
+from freefloat.ik.numbering import MAX_BRANCHES
 from freefloat.limits.result import LimitResult
 from freefloat.motion.extrema import ClosestApproach, closest_approach, unwrapped
 from freefloat.motion.integration import integrate_motion
@@ -16,7 +17,10 @@ from freefloat.motion.motion import Ending, Motion
 from freefloat.motion.problem import Problem
 from freefloat.motion.singularity import singular_event
 from freefloat.planning.reasons import Verdict, verdict_on
-from freefloat.so3 import Array
+from freefloat.so3 import Array, frozen
+
+_NEAR = 1e-6
+"""Distance of joints from those of their arm branch [rad, m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,3 +111,17 @@ def simulated_branch(start: ArmBranch, motion: Motion) -> SimulatedBranch:
     approach = closest_approach(motion, problem.margin.measure)
     joints = motion.initial.joints[: problem.model.arm_dof]
     return SimulatedBranch(replace(start, joints=joints), motion, approach)
+
+
+def branch_at(problem: Problem, attitude: Array, joints: Array) -> ArmBranch:
+    """The arm branch at the start of a path that joints (n,) belong to, modulo 2 pi.
+
+    It has these joints. Where inverse kinematics finds no such branch, which is always so for
+    redundant arms, its label is ``given``.
+    """
+    index, label = MAX_BRANCHES, "given"
+    if not problem.redundant:
+        for branch in problem.branches(attitude):
+            if problem.model.joint_distance(branch.joints, joints) < _NEAR:
+                index, label = branch.index, branch.label
+    return ArmBranch(index, label, frozen(joints))

@@ -117,13 +117,13 @@ def _completed(
                 active -= 1
                 continue
             missing -= 1
-            task, result = item
-            if isinstance(result, BrokenExecutor):
+            task, outcome = item
+            if isinstance(outcome, BrokenExecutor):
                 begun.append(task)
-            elif isinstance(result, BaseException):
-                raise result
+            elif isinstance(outcome, BaseException):
+                raise outcome
             else:
-                yield task, result
+                yield task, outcome
         started = any(start.done() and start.exception() is None for start in starts)
     return begun, started
 

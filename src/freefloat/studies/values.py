@@ -4,20 +4,19 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from freefloat.ensemble.endings import DECIDERS, MOTION
+from freefloat.kinds import kind_of, named
 from freefloat.limits.kinds.base_rate import BaseRateLimit
 from freefloat.limits.kinds.base_turn import BaseTurnLimit
 from freefloat.limits.result import LimitResult, violated
 from freefloat.motion.extrema import joint_extents, maximum
 from freefloat.motion.motion import Ending
 from freefloat.planning.answer import Answer
-from freefloat.planning.goals.goal_motion import GoalMotion
-from freefloat.planning.phases.manoeuvre import Manoeuvre
 from freefloat.planning.plan import Plan
 from freefloat.planning.plane.heading_map import HeadingMap
 from freefloat.planning.simulated_branch import SimulatedBranch
@@ -38,10 +37,11 @@ from freefloat.studies.columns import (
 
 def record_values(record: Any) -> dict[str, Any]:
     """The results of a simulation, a map, or what ``plan`` finds."""
-    return _VALUES[type(record)](record)
+    values: dict[str, Any] = named(kind_of(record, saved=True).values)(record)
+    return values
 
 
-def _simulation_values(simulation: Simulation) -> dict[str, Any]:
+def simulation_values(simulation: Simulation) -> dict[str, Any]:
     """The values of a simulation."""
     chosen, limits = simulation.chosen, simulation.limit_results
     names = ", ".join(result.limit for result in violated(limits))
@@ -55,51 +55,41 @@ def _simulation_values(simulation: Simulation) -> dict[str, Any]:
     verdict = INFEASIBLE if reason else FEASIBLE
     values = {"verdict": verdict, "reason": reason, "decided_by": DECIDERS[MOTION]}
     others = _extreme_values(chosen), _limiting(chosen, limits)
-    return {**values, **motion_values(chosen), **others[0], **others[1], **_limit_values(limits)}
+    return {**values, **motion_values(chosen), **others[0], **others[1], **limit_values(limits)}
 
 
-def _plan_values(plan: Plan) -> dict[str, Any]:
+def plan_values(plan: Plan) -> dict[str, Any]:
     """The values of a plan."""
     motion = {"completed": False} if plan.chosen is None else motion_values(plan.chosen)
     values = {
-        **_verdict(plan),
+        **verdict_values(plan),
         **motion,
-        **_limit_values(plan.limit_results),
+        **limit_values(plan.limit_results),
         "robust_radius_deg": degrees(plan.robust_radius),
         "deviation_deg": degrees(plan.deviation),
         "feasible_fraction": plan.feasible_fraction,
     }
     ranges = {entry.branch: json.dumps(entry.degrees) for entry in plan.ranges or ()}
-    return values | _family("attitude_ranges_deg", ranges)
+    return values | family("attitude_ranges_deg", ranges)
 
 
-def _goal_values(found: GoalMotion) -> dict[str, Any]:
-    """The values of a motion to a goal."""
-    values = {**_verdict(found), "completed": found.motion is not None, "duration": found.duration}
-    if found.motion is not None:
-        first = found.motion.initial
-        values |= _attitude(first.attitude.tolist())
-        values |= _family("joints", dict(enumerate(first.joints.tolist())))
-    return values | _limit_values(found.limit_results)
-
-
-def _manoeuvre_values(manoeuvre: Manoeuvre) -> dict[str, Any]:
-    """The values of a manoeuvre: limits and margin of all phases, others of its first path."""
-    duration = manoeuvre.duration if manoeuvre.feasible else None
-    limits = _limit_values([result for _, result in manoeuvre.worst_results])
-    paths = [(phase.chosen, phase.start) for phase in manoeuvre.phases]
-    margins = [_margin_values(chosen, start) for chosen, start in paths if chosen is not None]
-    smallest = min(margins, key=lambda values: values["margin"], default={})
-    first = _plan_values(manoeuvre.path)
-    return first | smallest | _verdict(manoeuvre) | {"duration": duration} | limits
-
-
-def _verdict(answer: Answer) -> dict[str, Any]:
+def verdict_values(answer: Answer) -> dict[str, Any]:
+    """Whether an answer is feasible, and why."""
     return {"verdict": FEASIBLE if answer.feasible else INFEASIBLE, "reason": answer.reason}
 
 
+def attitude_map_values(result: AttitudeMap) -> dict[str, Any]:
+    """The values of a map over attitudes."""
+    return {**_map_values(result), "measure": result.problem.margin.measure.name}
+
+
+def heading_map_values(result: HeadingMap) -> dict[str, Any]:
+    """The values of a map over headings."""
+    best = result.best
+    return {**_map_values(result), **({"heading_deg": degrees(best.heading)} if best else {})}
+
+
 def _map_values(result: AttitudeMap | HeadingMap) -> dict[str, Any]:
-    """The values of a map."""
     feasible, best = result.feasible_found, result.best
     values = {
         "verdict": FEASIBLE if feasible else INFEASIBLE,
@@ -111,11 +101,7 @@ def _map_values(result: AttitudeMap | HeadingMap) -> dict[str, Any]:
         "branch": best and best.branch,
         "robust_radius_deg": result.robust and degrees(result.robust.radius),
     }
-    if isinstance(result, AttitudeMap):
-        values["measure"] = result.problem.margin.measure.name
-    elif result.best is not None:
-        values["heading_deg"] = degrees(result.best.heading)
-    return values | (_attitude(best.attitude.tolist()) if best else {})
+    return values | (attitude_values(best.attitude.tolist()) if best else {})
 
 
 def motion_values(chosen: SimulatedBranch) -> dict[str, Any]:
@@ -124,16 +110,16 @@ def motion_values(chosen: SimulatedBranch) -> dict[str, Any]:
     attitude = motion.initial.attitude.tolist()
     planar = motion.problem.has_headings
     return {
-        **_margin_values(chosen),
+        **margin_values(chosen),
         "branch": chosen.branch.index,
-        **_attitude(attitude),
+        **attitude_values(attitude),
         "heading_deg": math.degrees(motion.problem.plane.heading(attitude)) if planar else None,
-        **_family("joints", dict(enumerate(motion.initial.joints.tolist()))),
-        **_family("residuals", motion.residuals().to_dict()),
+        **family("joints", dict(enumerate(motion.initial.joints.tolist()))),
+        **family("residuals", motion.residuals().to_dict()),
     }
 
 
-def _margin_values(chosen: SimulatedBranch, start: float = 0.0) -> dict[str, Any]:
+def margin_values(chosen: SimulatedBranch, start: float = 0.0) -> dict[str, Any]:
     """How far a motion that begins at a time [s] gets, and how near to a singularity."""
     motion, margin = chosen.motion, chosen.closest_approach
     singular = motion.ending is Ending.SINGULAR
@@ -150,7 +136,7 @@ def _margin_values(chosen: SimulatedBranch, start: float = 0.0) -> dict[str, Any
 def _extreme_values(chosen: SimulatedBranch) -> dict[str, Any]:
     """Final attitude, and largest rates, turn and range ratios of a motion that completes."""
     motion, (lower, upper) = chosen.motion, chosen.motion.problem.model.joint_ranges
-    values = _attitude(motion.final.attitude.tolist(), "final_attitude")
+    values = attitude_values(motion.final.attitude.tolist(), "final_attitude")
     if not (motion.completed and motion.panels):
         return values
     rates, extents = np.abs(motion.node_rates[..., 3:]), joint_extents(motion)
@@ -159,10 +145,10 @@ def _extreme_values(chosen: SimulatedBranch) -> dict[str, Any]:
     return values | {
         "base_rate": BaseRateLimit(motion.problem, 1.0).worst(motion).worst,
         "base_turn_deg": degrees(BaseTurnLimit(motion.problem, np.pi).worst(motion).worst),
-        **_family("joint_rates", {
+        **family("joint_rates", {
             joint: maximum(rates[..., joint : joint + 1]).value for joint in range(rates.shape[2])
         }),
-        **_family("range_ratios", {joint: used[joint] for joint in bounded}),
+        **family("range_ratios", {joint: used[joint] for joint in bounded}),
     }  # fmt: skip
 
 
@@ -181,25 +167,17 @@ def _limiting(chosen: SimulatedBranch, limits: Sequence[LimitResult]) -> dict[st
     return {"limiting": name, "limiting_time": time}
 
 
-def _limit_values(limits: Sequence[LimitResult]) -> dict[str, Any]:
+def limit_values(limits: Sequence[LimitResult]) -> dict[str, Any]:
+    """Whether limits are kept, and the ratio of each."""
     ratios = {result.limit: result.ratio for result in limits}
-    return {"limits_kept": not violated(limits) if limits else None, **_family("limits", ratios)}
+    return {"limits_kept": not violated(limits) if limits else None, **family("limits", ratios)}
 
 
-def _attitude(quaternion: Sequence[float], name: str = "attitude") -> dict[str, Any]:
-    return _family(name, dict(zip("xyzw", quaternion, strict=True)))
+def attitude_values(quaternion: Sequence[float], name: str = "attitude") -> dict[str, Any]:
+    """The columns of a quaternion x, y, z, w."""
+    return family(name, dict(zip("xyzw", quaternion, strict=True)))
 
 
-def _family(name: str, values: Mapping[Any, Any]) -> dict[str, Any]:
+def family(name: str, values: Mapping[Any, Any]) -> dict[str, Any]:
+    """The columns of a family, such as ``joints.0`` and ``joints.1``."""
     return {f"{name}.{key}": value for key, value in values.items()}
-
-
-_VALUES: dict[type, Callable[[Any], dict[str, Any]]] = {
-    Plan: _plan_values,
-    GoalMotion: _goal_values,
-    Manoeuvre: _manoeuvre_values,
-    Simulation: _simulation_values,
-    AttitudeMap: _map_values,
-    HeadingMap: _map_values,
-}
-"""Functions that return the values of a result, by its class."""

@@ -13,9 +13,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from freefloat.kinds import kind_of, named
 from freefloat.records import Known, Origin, Quantity, Tree
 from freefloat.so3 import Array, BoolArray
-from freefloat.verification.codec import CODEC
 from freefloat.verification.comparisons import Check
 
 
@@ -127,8 +127,8 @@ class Comparison:
 
 def compare(stated: Any, known: Known) -> Comparison:
     """Compare a record with what is known of it."""
-    comparison = Comparison()
-    for name, entry, found in _leaves("", CODEC.encode(stated), CODEC.encode(known)):
+    comparison, codec = Comparison(), named(kind_of(stated, saved=True).codec)
+    for name, entry, found in _leaves("", codec.encode(stated), codec.encode(known)):
         if found is _MISSING:
             comparison.unverified.append(name)
         elif found is Origin.GIVEN:

@@ -15,7 +15,6 @@ import numpy as np
 from freefloat.beyond.engines.tracking import Tracking, track_many
 from freefloat.concurrency import available_cores
 from freefloat.errors import FreeFloatError
-from freefloat.planning.phases.manoeuvre import Manoeuvre
 from freefloat.planning.plan import Plan
 from freefloat.planning.simulation import Simulation
 from freefloat.so3 import IntArray
@@ -110,7 +109,7 @@ def followed_motion(inputs: str, source: Path) -> Plan | Simulation:
     arguments = json.loads(inputs)
     command = Command.SIMULATE if arguments["start"] else Command.PLAN
     record = computed_record(command, source, **arguments)
-    followed: Plan | Simulation = record.path if record.kind == Manoeuvre.kind else record
+    followed: Plan | Simulation = getattr(record, "path", record)  # of a manoeuvre: its first path
     return followed
 
 

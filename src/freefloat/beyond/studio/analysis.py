@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from pathlib import Path
+from typing import Any
 
 from freefloat.beyond.studio.messages import Answer, State
 from freefloat.beyond.studio.motions import motion_answer, place, playback_of
@@ -12,8 +13,6 @@ from freefloat.io.records.results import save
 from freefloat.io.scenario.scenario import Scenario
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
-from freefloat.planning.goals.goal_motion import GoalMotion
-from freefloat.planning.plan import Plan
 from freefloat.so3 import Array
 from freefloat.visualization.page.playback import Playback
 
@@ -79,7 +78,7 @@ class Analysis(ABC):
             content = motion_answer(motion, self._playback, title, outcome)
         return Answer("motion", {**content, "choice": state.choice})
 
-    def _saved(self, result: GoalMotion | Plan, file: Path, scenario: Scenario | None) -> Answer:
+    def _saved(self, result: Any, file: Path, scenario: Scenario | None) -> Answer:
         """Save a result, unless it is infeasible, to a file that does not exist yet."""
         if not result.feasible:
             return Answer("saved", {"refused": f"not saved: {result.reason}"})

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import cast
+from typing import Any
 
 from freefloat.beyond.studio.analysis import Analysis, Attitude
 from freefloat.beyond.studio.goal_outline import goal_outline
@@ -13,10 +13,9 @@ from freefloat.beyond.studio.robots import Robots
 from freefloat.concurrency import Progress
 from freefloat.errors import InputError
 from freefloat.io.scenario.scenario import Scenario
+from freefloat.kinds import SECTIONS, named
 from freefloat.motion.motion import Motion
-from freefloat.planning.goals.goal import Goal
-from freefloat.planning.goals.goal_motion import GoalMotion, goal_problem
-from freefloat.planning.goals.mover import move, sketch
+from freefloat.motion.problem import Problem
 
 
 class GoalAnalysis(Analysis):
@@ -29,19 +28,14 @@ class GoalAnalysis(Analysis):
             InputError: If it is invalid.
         """
         super().__init__(state, robots.with_model(scenario))
-        self._goal, self._system = cast(Goal, self._scenario.goal()), self._scenario.system()
-        self._scene, model = self._scenario.scene(), self._scenario.model()
-        with self._scenario.error_context():
-            self._present = self._search.present_state(model)
-            self._problem = goal_problem(self._system, *self._present, self._goal, self._scene)
-            self._goal.require_applicable(self._problem)
+        self._posed = named(SECTIONS["goal"].posed)(self._scenario)
+        self._problem: Problem = self._posed.problem
         self._sketched, self._unchecked = False, False
-        self._found: GoalMotion | None = None
+        self._found: Any = None
 
     def outline(self) -> Answer:
         """The goal, its handle and the values of the sliders."""
-        content = goal_outline(self._scenario, self._goal, self._problem, *self._present)
-        return Answer("outline", content)
+        return Answer("outline", goal_outline(self._scenario, self._posed))
 
     def urgent(self, state: State, progress: Progress) -> Answer | None:
         """A sketch while the goal is dragged, then the motion and its limits."""
@@ -68,23 +62,17 @@ class GoalAnalysis(Analysis):
         """A motion to the goal that limits may forbid; never abandoned, so that drags show some."""
         self._sketched = True
         try:
-            motion = sketch(
-                self._system, self._present, self._goal, self._limits, self._scene,
-                seed=self._search.seed,
-            )  # fmt: skip
+            motion = self._posed.sketch()
         except InputError:  # the present state is dragged to itself, for example
             motion = None
         return self._showing(state, motion, "a sketch, which need not keep clear of bodies")
 
     def _move(self, state: State, progress: Progress) -> Answer:
         """The motion to the goal, or why there is none."""
-        self._found = move(
-            self._system, self._present, self._goal, self._limits, self._scene,
-            seed=self._search.seed, progress=progress,
-        )  # fmt: skip
+        self._found = self._posed.plan(progress=progress)
         self._unchecked = True
         return self._showing(state, self._found.motion, self._found.reason)
 
     def _showing(self, state: State, motion: Motion | None, outcome: str) -> Answer:
         """Show a motion, or the present attitude where there is none."""
-        return self._show(state, motion, self._problem, self._present[0], "goal", outcome)
+        return self._show(state, motion, self._problem, self._posed.present[0], "goal", outcome)

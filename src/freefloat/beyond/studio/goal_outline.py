@@ -6,42 +6,34 @@ from typing import Any
 
 from freefloat.beyond.studio.outline import rounded_rpy
 from freefloat.io.scenario.scenario import Scenario
-from freefloat.motion.problem import Problem
-from freefloat.planning.goals.goal import Goal
-from freefloat.so3 import Array
 from freefloat.visualization.scenes.overlays import thickness
 
 
-def goal_outline(
-    scenario: Scenario, goal: Goal, problem: Problem, attitude: Array, joints: Array
-) -> dict[str, Any]:
+def goal_outline(scenario: Scenario, posed: Any) -> dict[str, Any]:
     """The outline of a scenario with a goal.
 
     Args:
         scenario: The scenario.
-        goal: The goal.
-        problem: The problem that the scenario poses.
-        attitude: Present attitude of the spacecraft, unit quaternion x, y, z, w.
-        joints: Present joint values, shape (n,).
+        posed: What it asks for: ``goal``, ``present`` state and ``problem``.
     """
+    problem = posed.problem
     return {
         "is_goal": True,
         "planar": problem.has_headings,
         "normal": problem.plane.normal.tolist() if problem.has_headings else None,
         "size": thickness(problem),
         "lines": [],
-        **_handle(scenario, goal, problem, attitude, joints),
+        **_handle(scenario, posed),
         "momentum": problem.momentum.tolist(),
-        "duration": goal.duration,
+        "duration": posed.goal.duration,
         "margin": None,
     }
 
 
-def _handle(
-    scenario: Scenario, goal: Goal, problem: Problem, attitude: Array, joints: Array
-) -> dict[str, Any]:
+def _handle(scenario: Scenario, posed: Any) -> dict[str, Any]:
     """The handle of the goal's pose, in inertial axes, and its frame; none without a fixed pose."""
-    target, body = goal.target(problem, attitude, joints), goal.body(problem)
+    goal, problem = posed.goal, posed.problem
+    target, body = goal.target(problem, *posed.present), goal.body(problem)
     if goal.pose is None or (body and body.motion != "fixed"):
         return {"paths": [], "handles": [], "rpy": None}
     pose = target.pose_at(0.0)

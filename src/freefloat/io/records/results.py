@@ -12,7 +12,7 @@ import platform
 from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -20,7 +20,6 @@ from freefloat.errors import InputError, require_type
 from freefloat.io.files import require_result_name
 from freefloat.io.hdf5 import AlteredFileError, read_hdf5, write_hdf5
 from freefloat.io.records.differences import differences
-from freefloat.io.records.manoeuvres import decode_manoeuvre
 from freefloat.io.scenario.arms_section import paths_of_arms
 from freefloat.io.scenario.scenario import Scenario, parse_scenario
 from freefloat.io.scenario.scene_section import parse_shapes, shapes_text
@@ -28,13 +27,11 @@ from freefloat.io.scenario.writing import scenario_of
 from freefloat.kinds import RESULT_KINDS, ResultKind, kind_of, named
 from freefloat.limits.limits import Limits
 from freefloat.motion.problem import Problem
-from freefloat.planning.phases.manoeuvre import Manoeuvre
 from freefloat.planning.settings import Search
 from freefloat.records import Quantity, Tree
 from freefloat.robot.base import Base
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.validation import read_urdf
-from freefloat.verification.codec import CODEC
 
 FORMAT_VERSION = 3
 _PREFIX = "freefloat "
@@ -72,7 +69,7 @@ def save(result: Any, path: str | Path, scenario: Scenario | None = None) -> Non
     require_type("output", path, str | os.PathLike, "the name of an HDF5 file")
     path = Path(path)
     require_result_name(path)
-    kind_of(result, saved=True)
+    codec = named(kind_of(result, saved=True).codec)
     problem = getattr(result, "problem", None)
     described = None if problem is None else _describe(result, scenario)
     holder: Any = problem or result
@@ -81,7 +78,7 @@ def save(result: Any, path: str | Path, scenario: Scenario | None = None) -> Non
     texts = {**_origin(model, described), "document": json.dumps(result.to_dict(), allow_nan=False)}
     tree: Tree = {"format": _PREFIX + result.kind, "version": FORMAT_VERSION, **_software()}
     tree |= {name: Quantity(np.array(text, dtype=object)) for name, text in texts.items()}
-    write_hdf5(path, tree | {"result": CODEC.encode(result)})
+    write_hdf5(path, tree | {"result": codec.encode(result)})
 
 
 def _describe(result: Any, scenario: Scenario | None) -> Scenario:
@@ -178,15 +175,15 @@ def _kind_of(tree: Tree, path: Path) -> ResultKind:
 
 def _load_record(tree: Tree, kind: ResultKind) -> Any:
     model = _read_robot(tree)
-    scenario = None if kind.decode else _read_scenario(tree, model)
+    scenario = _read_scenario(tree, model) if kind.has_scenario else None
     known = {"format", "version", "result", "document", *_software(), *_origin(model, scenario)}
     if unknown := tree.keys() - known:
         raise ValueError(f"it has an unknown part {min(unknown)}")
-    if scenario is None:
-        result: Any = named(kind.decode)(tree["result"], model)
+    if kind.decode:
+        result: Any = named(kind.decode)(tree["result"], scenario or model)
     else:
-        result = _decode(named(kind.record), tree["result"], scenario)
-    _require_same(tree["result"], CODEC.encode(result), "result")
+        result = _decode(kind, tree["result"], cast(Scenario, scenario))
+    _require_same(tree["result"], named(kind.codec).encode(result), "result")
     document = json.loads(_text(tree, "document"))
     recomputed_document = json.loads(json.dumps(result.to_dict()))
     difference = next(differences(document, recomputed_document), None)
@@ -215,13 +212,13 @@ def _require_same(stated: Any, read: Any, place: str) -> None:
         raise ValueError(f"its part {place} contradicts other parts")
 
 
-def _decode(kind: type[Any], tree: Tree, scenario: Scenario) -> Any:
-    if kind is Manoeuvre:
-        return decode_manoeuvre(tree, scenario)
+def _decode(kind: ResultKind, tree: Tree, scenario: Scenario) -> Any:
     problem, search, limits = scenario.problem(), scenario.search(), scenario.limits()
-    if "search" in kind.__dataclass_fields__:
+    record = named(kind.record)
+    if "search" in record.__dataclass_fields__:
         problem = search.applied_to(problem)
-    return CODEC.decode(kind, tree, {Problem: problem, Search: search, Limits: limits})
+    context = {Problem: problem, Search: search, Limits: limits}
+    return named(kind.codec).decode(record, tree, context)
 
 
 def _read_robot(tree: Tree) -> FreeFloatingModel:

@@ -9,21 +9,13 @@ from typing import TYPE_CHECKING, Any
 import numpy.typing as npt
 
 from freefloat.concurrency import Progress
-from freefloat.dynamics.system import System
 from freefloat.errors import InputError
 from freefloat.io.scenario.schema import ScenarioFile
-from freefloat.limits.limits import Limits
+from freefloat.kinds import SECTIONS, named
 from freefloat.motion.problem import Problem
-from freefloat.planning.goals.goal import Goal
-from freefloat.planning.phases.phase import Phase
 from freefloat.planning.settings import Search
-from freefloat.robot.model import FreeFloatingModel
-from freefloat.scene.scene import Scene
 
 if TYPE_CHECKING:  # compiled kernels are slow to import
-    from freefloat.planning.goals.goal_motion import GoalMotion
-    from freefloat.planning.phases.manoeuvre import Manoeuvre
-    from freefloat.planning.plan import Plan
     from freefloat.planning.plane.heading_map import HeadingMap
     from freefloat.planning.simulation import Simulation
     from freefloat.planning.space.attitude_map import AttitudeMap
@@ -37,14 +29,8 @@ class PlannedScenario:
 
     if TYPE_CHECKING:  # methods of scenarios
         content: ScenarioFile
-        model: Callable[[], FreeFloatingModel]
         problem: Callable[[], Problem]
-        goal: Callable[[], Goal | None]
-        phases: Callable[[], tuple[Phase, ...]]
         search: Callable[[], Search]
-        limits: Callable[[], Limits]
-        scene: Callable[[], Scene]
-        system: Callable[[], System]
         error_context: Callable[..., AbstractContextManager[None]]
 
         @property
@@ -53,7 +39,7 @@ class PlannedScenario:
 
     def plan(
         self, *, stretch: bool = False, threads: int | None = None, progress: Progress | None = None
-    ) -> Plan | Manoeuvre | GoalMotion:
+    ) -> Any:
         """What the command ``plan`` finds.
 
         Args:
@@ -73,33 +59,18 @@ class PlannedScenario:
             >>> ff.load_scenario("planar_2dof/line").plan().feasible
             True
         """
-        goal = self.goal()
-        if stretch and (goal is not None or self.has_phases):
+        key = "phases" if self.has_phases else "goal" if self.content.goal is not None else None
+        if stretch and key is not None:
             reason = "a goal or phases have durations of their own"
             raise InputError("stretch", reason, "longer durations in the scenario")
         options: dict[str, Any] = {"threads": threads, "progress": progress}
-        if goal is not None:
-            return self._motion_to(goal, progress)
-        from freefloat.planning.phases.manoeuvre_planner import plan_manoeuvre
+        if key is not None:
+            return named(SECTIONS[key].posed)(self).plan(**options)
         from freefloat.planning.planner import plan
 
-        problem, search, phases = self.problem(), self.search(), self.phases()
+        problem, search = self.problem(), self.search()
         with self.error_context():
-            if not self.has_phases:
-                return plan(problem, search, stretch=stretch, **options)
-            reorient = self.content.search.reorient
-            return plan_manoeuvre(problem, phases, search, reorient=reorient, **options)
-
-    def _motion_to(self, goal: Goal, progress: Progress | None) -> GoalMotion:
-        from freefloat.planning.goals.mover import move
-
-        search = self.search()
-        with self.error_context():
-            state = search.present_state(self.model())
-            return move(
-                self.system(), state, goal, self.limits(), self.scene(), seed=search.seed,
-                progress=progress,
-            )  # fmt: skip
+            return plan(problem, search, stretch=stretch, **options)
 
     def simulate(
         self,

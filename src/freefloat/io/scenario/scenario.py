@@ -20,22 +20,20 @@ from freefloat.errors import InputError
 from freefloat.io.scenario.arms_section import curves_of, paths_of_arms
 from freefloat.io.scenario.limits_section import limits_of
 from freefloat.io.scenario.path_section import frame_of, path_of, timed_path
-from freefloat.io.scenario.phase_section import phases_of
 from freefloat.io.scenario.planned import PlannedScenario
 from freefloat.io.scenario.robot_section import RobotFile
 from freefloat.io.scenario.sampled_paths import sample_texts
 from freefloat.io.scenario.scene_section import FileShapes
 from freefloat.io.scenario.schema import OF_PATHS, ScenarioFile, WeightsSection
 from freefloat.io.scenario.yaml import error_context, file_keys, parse_yaml, read_text, validated
+from freefloat.kinds import SECTIONS, named
 from freefloat.limits.limits import Limits
 from freefloat.motion.margin import Margin
 from freefloat.motion.problem import Problem
 from freefloat.paths.path_stack import PathStack
 from freefloat.paths.timing import TimedPath, Timing
-from freefloat.planning.goals.goal import Goal
 from freefloat.planning.objectives.objective import Objective
 from freefloat.planning.objectives.objectives import Weights, objective_of
-from freefloat.planning.phases.phase import Phase, checked_phases
 from freefloat.planning.settings import Search
 from freefloat.robot.bundled import find_scenario
 from freefloat.robot.model import FreeFloatingModel
@@ -161,7 +159,7 @@ class Scenario(PlannedScenario):
         with self.error_context():
             return self.content.scene.to_scene(self.source.parent, self.shapes)
 
-    def goal(self) -> Goal | None:
+    def goal(self) -> Any:
         """The goal that the scenario has in place of a path; None where it has a path."""
         with self.error_context():
             section = self.content.goal
@@ -192,10 +190,10 @@ class Scenario(PlannedScenario):
                 float(np.radians(section.spare_deg)),
             )
 
-    def phases(self) -> tuple[Phase, ...]:
+    def phases(self) -> tuple[Any, ...]:
         """What follows the path.
 
-        See :func:`~freefloat.planning.phases.manoeuvre_planner.plan_manoeuvre`.
+        See :func:`freefloat.plan_manoeuvre`.
 
         Raises:
             InputError: If a value is invalid, or a phase cannot follow those before; it names the
@@ -203,12 +201,8 @@ class Scenario(PlannedScenario):
         """
         if not self.content.phases:
             return ()
-        problem = self.problem()
-        with self.error_context():
-            resting = problem.with_arms_resting(problem.path.duration)
-            folder, seed = self.source.parent, self.content.search.seed
-            following = phases_of(self.content.phases, resting, folder, self.samples, seed)
-            return checked_phases(problem, following)
+        phases: tuple[Any, ...] = named(SECTIONS["phases"].posed)(self).phases
+        return phases
 
     @property
     def has_phases(self) -> bool:

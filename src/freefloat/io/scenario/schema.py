@@ -19,25 +19,27 @@ from freefloat.io.scenario.field_types import (
     Vector,
     exactly_one_of,
 )
-from freefloat.io.scenario.goal_section import GoalSection
 from freefloat.io.scenario.limits_section import LimitsSection
 from freefloat.io.scenario.path_schema import PathSection
-from freefloat.io.scenario.phase_section import PhaseSection
 from freefloat.io.scenario.robot_section import RobotSection
 from freefloat.io.scenario.scene_section import SceneSection
 from freefloat.io.scenario.timing_section import TimingSection
+from freefloat.kinds import SECTIONS, named
 from freefloat.planning.objectives.objectives import NAMED
 from freefloat.planning.settings import FEWEST_SAMPLES
 
+GoalSection: Any = named(SECTIONS["goal"].section)
+PhaseSection: Any = named(SECTIONS["phases"].section)
 
-def _named(name: str) -> str:
+
+def _objective_name(name: str) -> str:
     if name not in NAMED:
         raise ValueError(", ".join(NAMED))
     return name
 
 
 ObjectiveName = Annotated[
-    str, AfterValidator(_named), WithJsonSchema({"enum": [*NAMED], "type": "string"})
+    str, AfterValidator(_objective_name), WithJsonSchema({"enum": [*NAMED], "type": "string"})
 ]
 
 

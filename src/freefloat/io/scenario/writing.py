@@ -13,14 +13,13 @@ from freefloat.io.scenario.arms_section import arms_content
 from freefloat.io.scenario.limits_section import limits_content
 from freefloat.io.scenario.path_schema import inexpressible
 from freefloat.io.scenario.path_section import section_of, sections_of_arms
-from freefloat.io.scenario.phase_section import phases_content
 from freefloat.io.scenario.scenario import Scenario, parse_scenario
 from freefloat.io.scenario.scene_section import file_shapes, scene_content
 from freefloat.io.scenario.timing_section import timing_content
+from freefloat.kinds import SECTIONS, named
 from freefloat.limits.limits import Limits, limits_for
 from freefloat.motion.problem import Problem
 from freefloat.planning.objectives.objectives import NAMED, Weights
-from freefloat.planning.phases.phase import Phase
 from freefloat.planning.settings import Search
 
 
@@ -28,7 +27,7 @@ def scenario_of(
     problem: Problem,
     search: Search | None = None,
     limits: Limits | None = None,
-    phases: Sequence[Phase] = (),
+    phases: Sequence[Any] = (),
     *,
     reorient: bool = False,
 ) -> Scenario:
@@ -87,7 +86,7 @@ def scenario_of(
     for name, section in sections.items():
         content[name] = {key: value for key, value in section.items() if value is not None}
     if phases:
-        content["phases"], further = phases_content(phases)
+        content["phases"], further = named(SECTIONS["phases"].content)(phases)
         samples |= further
     text = yaml.safe_dump(content, sort_keys=False)
     return parse_scenario(text, Path("scenario.yaml"), samples, model, shapes)

@@ -21,9 +21,7 @@ from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
 from freefloat.planning.answer import Answer
 from freefloat.planning.evaluator import evaluator_for
-from freefloat.planning.goals.goal_motion import GoalMotion
 from freefloat.planning.margin_map import MarginMap
-from freefloat.planning.phases.manoeuvre import Manoeuvre
 from freefloat.planning.plan import Plan
 from freefloat.planning.plane.arcs import BranchRanges
 from freefloat.planning.plane.heading_map import HeadingMap
@@ -35,7 +33,6 @@ from freefloat.regions.planar_regions import has_two_angle_form
 from freefloat.regions.workspace import Workspace, workspace_regions
 from freefloat.visualization.figure_style import Figures, styled
 from freefloat.visualization.figures.joint_space_figure import joint_space_figure
-from freefloat.visualization.figures.manoeuvre_figure import manoeuvre_figure
 from freefloat.visualization.figures.map_figures import histogram_figure, slices_figure
 from freefloat.visualization.figures.motion_figures import angles_figure, motion_figures
 from freefloat.visualization.figures.planar_figures import headings_figure
@@ -107,13 +104,6 @@ def _titled(name: str, draw: Callable[[], Figure]) -> Figure:
     return figure
 
 
-@styled
-def _of_phase(phase: str, draw: Callable[[], Figure]) -> Figure:
-    figure = draw()
-    figure.suptitle(f", phase {phase}{figure.get_suptitle()}")
-    return figure
-
-
 def drawn_motion_figures(motion: Motion, threads: int | None, progress: Progress | None) -> Figures:
     """The figures of a motion."""
     drawn = with_drawn_path(motion)
@@ -140,27 +130,8 @@ def simulation_figures(
     simulation: Simulation, threads: int | None, progress: Progress | None
 ) -> Figures:
     """The figures of a simulation."""
-    motion = simulation.motion
-    return drawn_motion_figures(motion, threads, progress) | _angles(motion, simulation.limits)
-
-
-def goal_figures(result: GoalMotion, threads: int | None, progress: Progress | None) -> Figures:
-    """The figures of a motion to a goal."""
-    motion = result.phases[0].shown_motion
-    if motion is None:
-        return Figures({})
-    return drawn_motion_figures(motion, threads, progress) | _angles(motion, result.limits)
-
-
-def manoeuvre_figures(
-    manoeuvre: Manoeuvre, threads: int | None, progress: Progress | None
-) -> Figures:
-    """The figures of a manoeuvre."""
-    moves = any(phase.motion is not None for phase in manoeuvre.phases)
-    drawn = Figures({"manoeuvre": partial(manoeuvre_figure, manoeuvre)} if moves else {})
-    name = next((phase.name for phase in manoeuvre.phases if phase.kind == "path"), "path")
-    first = plan_figures(manoeuvre.path, threads, progress).drawings
-    return drawn | Figures({key: partial(_of_phase, name, draw) for key, draw in first.items()})
+    motion, limits = simulation.motion, simulation.limits
+    return drawn_motion_figures(motion, threads, progress) | angle_figures(motion, limits)
 
 
 def attitude_map_figures(
@@ -214,7 +185,7 @@ def plan_figures(plan: Plan, threads: int | None, progress: Progress | None) -> 
     if chosen is not None:
         drawn |= _snapshots(chosen.motion)
         drawn |= motion_figures(chosen.motion, chosen.closest_approach)
-        drawn |= _angles(chosen.motion, plan.limits)
+        drawn |= angle_figures(chosen.motion, plan.limits)
     if plan.map is not None:
         drawn |= _map_figures(plan.map, plan.limits, marks, threads, progress)
     return drawn
@@ -235,7 +206,8 @@ def _planar_figures(plan: Plan, threads: int | None, progress: Progress | None) 
     return Figures(drawings)
 
 
-def _angles(motion: Motion, limits: Limits | None) -> Figures:
+def angle_figures(motion: Motion, limits: Limits | None) -> Figures:
+    """The figure of limited angles; none where no angle is limited."""
     if limits is None or not limits.number:
         return Figures({})
     return Figures({"angles": partial(angles_figure, motion, limits)})

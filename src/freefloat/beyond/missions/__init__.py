@@ -1,0 +1,1 @@
+"""Goals, reorientation, manoeuvres of phases, and capture."""

@@ -1,0 +1,132 @@
+"""Figures of motions to goals and of manoeuvres: turn, angles, joints, measure over all phases."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from freefloat.beyond.missions.goals.goal_motion import GoalMotion
+from freefloat.beyond.missions.phases.manoeuvre import Manoeuvre
+from freefloat.concurrency import Progress
+from freefloat.motion.motion import Motion
+from freefloat.planning.answer import PhaseResult
+from freefloat.so3 import Array, angle_between
+from freefloat.visualization.figure_style import (
+    MARGIN_LINE,
+    Figures,
+    amount,
+    axis_label,
+    digits,
+    strokes,
+    styled,
+)
+from freefloat.visualization.figures.figures import (
+    angle_figures,
+    drawn_motion_figures,
+    plan_figures,
+)
+from freefloat.visualization.figures.motion_figures import joint_scale, limited_angles, shown_times
+
+_SAMPLES = 201
+_ANGLE = 1.5
+"""Height of the axes of an angle [inch]."""
+
+
+def goal_figures(result: GoalMotion, threads: int | None, progress: Progress | None) -> Figures:
+    """The figures of a motion to a goal."""
+    motion = result.phases[0].shown_motion
+    if motion is None:
+        return Figures({})
+    return drawn_motion_figures(motion, threads, progress) | angle_figures(motion, result.limits)
+
+
+def manoeuvre_figures(
+    manoeuvre: Manoeuvre, threads: int | None, progress: Progress | None
+) -> Figures:
+    """The figures of a manoeuvre."""
+    moves = any(phase.motion is not None for phase in manoeuvre.phases)
+    drawn = Figures({"manoeuvre": partial(_manoeuvre_figure, manoeuvre)} if moves else {})
+    name = next((phase.name for phase in manoeuvre.phases if phase.kind == "path"), "path")
+    first = plan_figures(manoeuvre.path, threads, progress).drawings
+    return drawn | Figures({key: partial(_of_phase, name, draw) for key, draw in first.items()})
+
+
+@styled
+def _of_phase(phase: str, draw: Callable[[], Figure]) -> Figure:
+    figure = draw()
+    figure.suptitle(f", phase {phase}{figure.get_suptitle()}")
+    return figure
+
+
+@styled
+def _manoeuvre_figure(manoeuvre: Manoeuvre) -> Figure:
+    """Turn, limited angles, joints and measure by time; a turn begins with its phase."""
+    problem, limits = manoeuvre.problem, manoeuvre.path.limits
+    count = 0 if limits is None else len(limits.pointing)
+    figure = Figure(figsize=(7.0, 6.0 + _ANGLE * count), layout="constrained")
+    turn, *angles, joints, measure = figure.subplots(3 + count, sharex=True)
+    moving = [(phase, phase.motion) for phase in manoeuvre.phases if phase.motion is not None]
+    every = [name for _, motion in moving for name in motion.problem.model.joint_names]
+    names = list(dict.fromkeys(every))  # arms that rest in a phase are not among its joints
+    styles = dict(zip(names, strokes(len(names)), strict=False))
+    unit, (scale, joint_unit) = problem.margin.measure.unit, joint_scale(problem.model)
+    for phase, motion in moving:
+        times, attitudes, values = _sampled(motion)
+        at = phase.start + times
+        turns = angle_between(attitudes, motion.initial.attitude)
+        turn.plot(at, np.degrees(turns), color="C0", linestyle="-")
+        if phase.limits is not None and phase.limits.base_turn is not None:
+            most = np.degrees(phase.limits.base_turn)
+            turn.hlines(most, at[0], at[-1], label=f"at most {digits(most)}°", **MARGIN_LINE)
+        _draw_pointing(angles, phase, motion)
+        for name, joint in zip(motion.problem.model.joint_names, values.T, strict=True):
+            joints.plot(at, scale * joint, label=name, **styles[name])
+        of = motion.problem.margin.measure
+        measure.semilogy(at, [max(abs(of(q)), 1e-12) for q in values], color="C2", linestyle="-")
+        threshold = motion.problem.margin.threshold
+        if phase.kind == "path" and threshold:
+            label = f"margin {amount(threshold, unit)}"
+            measure.plot(at[[0, -1]], [threshold, threshold], label=label, **MARGIN_LINE)
+    turn.set_ylabel(axis_label("turn within\nthe phase", "deg"))
+    joints.set_ylabel(axis_label("joints", joint_unit))
+    measure.set_ylabel(axis_label(f"|{problem.margin.measure.title}|", unit))
+    for axes in (turn, joints, measure):
+        handles, labels = axes.get_legend_handles_labels()
+        once = dict(zip(labels, handles, strict=True))
+        axes.legend(once.values(), once, ncols=1, loc="center left", bbox_to_anchor=(1.0, 0.5))
+    measure.set_xlabel("time from the beginning of the first path [s]")
+    _mark(figure, manoeuvre.phases)
+    return figure
+
+
+def _draw_pointing(panels: list[Axes], phase: PhaseResult, motion: Motion) -> None:
+    """Draw the angles of the limits of pointing of a phase, an axes each."""
+    if phase.limits is None:
+        return
+    times = phase.start + shown_times(motion)
+    curves = limited_angles(motion, phase.limits)
+    for axes, (name, side, allowed, values) in zip(panels, curves, strict=False):
+        axes.plot(times, np.degrees(values), color="C0", linestyle="-")
+        axes.hlines(np.degrees(allowed), times[0], times[-1], **MARGIN_LINE)
+        axes.set_ylabel(f"{axis_label(name, 'deg')}\n{side} {digits(np.degrees(allowed))}°")
+
+
+def _sampled(motion: Motion) -> tuple[Array, Array, Array]:
+    return motion.evaluate(np.linspace(0.0, motion.panels, _SAMPLES))
+
+
+def _mark(figure: Figure, phases: tuple[PhaseResult, ...]) -> None:
+    """Mark the beginnings of phases, and name them above the first axes."""
+    for number, phase in enumerate(phases):
+        for axes in figure.axes:
+            axes.axvline(phase.start, color="0.6", linewidth=0.8)
+        if phase.duration > 0.0:
+            middle = phase.start + phase.duration / 2.0
+            figure.axes[0].annotate(
+                phase.name, (middle, 1.0), (0, 3 + 9 * (number % 2)), ha="center", fontsize=8,
+                xycoords=("data", "axes fraction"), textcoords="offset points",
+            )  # fmt: skip

@@ -1,0 +1,201 @@
+"""Clearances along joint paths: distances that are too small, with their derivatives.
+
+Spheres around the shapes leave out pairs that are far apart. The distance of the others grows
+along the direction between their nearest points, which move with their bodies.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from freefloat.beyond.missions.goals.joint_paths import Course, JointPaths
+from freefloat.beyond.missions.goals.placements import Arm, Placements
+from freefloat.beyond.missions.goals.scene_frames import Placed, Places, SceneFrames
+from freefloat.beyond.missions.goals.violations import Violations
+from freefloat.limits.kinds.clearance import ClearanceLimit
+from freefloat.limits.result import LimitResult
+from freefloat.motion.problem import Problem
+from freefloat.so3 import Array, IntArray
+
+if TYPE_CHECKING:  # coal and trimesh import slowly
+    from freefloat.limits.pairs import CollisionPairs
+
+_MARGIN = 2e-3
+"""Margin for the instants between those that are looked at [m]."""
+_SCALE = 0.02
+"""Lack of distance that counts as one [m]."""
+_DEEPEST = 0.15
+"""Largest lack that counts: deeper penetrations are only as bad [m]."""
+_NEAR = 5e-3
+"""Distance beyond the required one at which bodies may be too near after a step [m]."""
+_ENDS = 3
+"""Spans of a loop in which the first and the last one differ from the others."""
+
+
+class _Seen(NamedTuple):
+    """Distances of pairs, and where the second shapes were when these were looked at.
+
+    Attributes:
+        distances: [m], shape (...).
+        centres: Centres of spheres around the second shapes, frames of the first bodies [m], shape
+            (..., 3).
+        turned: Rotations of their bodies, same frames, shape (..., 3, 3).
+    """
+
+    distances: Array
+    centres: Array
+    turned: Array
+
+    @classmethod
+    def never(cls, *shape: int) -> _Seen:
+        """That of pairs of which nothing is known."""
+        return cls(np.full(shape, -np.inf), np.zeros((*shape, 3)), np.zeros((*shape, 3, 3)))
+
+    def bounds(self, now: _Seen, radii: Array) -> Array:
+        """Lower bounds of the distances now, with the radii of the spheres [m].
+
+        A motion of a shape changes its distance from another one by at most the displacement of the
+        sphere's centre and a turn of its radius.
+        """
+        shifts = np.linalg.norm(now.centres - self.centres, axis=1)
+        turns = np.linalg.norm(now.turned - self.turned, axis=(1, 2)) / np.sqrt(2.0)
+        return np.asarray(self.distances - shifts - turns * radii)
+
+
+class Clearances:
+    """Distances of the pairs of a robot and its scene along joint paths."""
+
+    def __init__(self, problem: Problem, pairs: CollisionPairs, clearance: float) -> None:
+        """Prepare the pairs; the margins grow by :meth:`widen`.
+
+        Args:
+            problem: Robot, scene and drift, whatever its duration.
+            pairs: The pairs that keep the clearance.
+            clearance: The clearance [m].
+        """
+        self._problem, self._pairs, self._clearance = problem, pairs, clearance
+        self._arm, self._bodies = Arm.of(problem.model), pairs.bodies
+        centres, radii = pairs.spheres
+        balls = np.column_stack([self._bodies.ravel(), centres.reshape(-1, 3), radii.ravel()])
+        self._balls, numbers = np.unique(balls, axis=0, return_inverse=True)
+        self._ball_of = numbers.reshape(-1, 2)
+        self._larger_first = np.argsort(-self._balls[self._ball_of, 4], axis=1, kind="stable")
+        self._margins = np.full(len(pairs.pairs), _MARGIN)
+        self._known = np.full(len(pairs.pairs), np.inf)
+        self._seen = dict[int, _Seen]()
+        self._scene = SceneFrames(problem)
+
+    @property
+    def required(self) -> Array:
+        """The distances that are required [m], shape (P,)."""
+        least = self._clearance + _MARGIN / 20.0
+        return np.clip(self._known - _MARGIN / 20.0, least, self._clearance + self._margins)
+
+    def allow_start(self, joints: Array, attitude: Array) -> None:
+        """Require no larger distances than there are where a path begins."""
+        every = np.arange(len(self._bodies))
+        place = Places(np.zeros(1), attitude[None], Placements.of(self._arm, joints[None]))
+        first, none = np.zeros_like(every), np.full(len(every), -np.inf)
+        scene = self._scene.along(place)
+        distances, _, _ = self._pairs.nearest(joints[None], first, every, scene, none)
+        self._known = np.minimum(self._known, distances)
+
+    def widen(self, violation: LimitResult) -> bool:
+        """See :class:`~freefloat.beyond.missions.goals.violations.ShapeLimits`."""
+        if violation.limit != ClearanceLimit.name:
+            return False
+        lack = violation.allowed - violation.worst
+        for number in range(len(self._margins)):
+            if self._pairs.name(number) == violation.where:
+                self._margins[number] += max(2.0 * lack, self._margins[number])
+        return True
+
+    def violations(self, paths: JointPaths, course: Course) -> Violations:
+        """See :class:`~freefloat.beyond.missions.goals.violations.ShapeLimits`."""
+        edges = self._edges(paths)
+        times = course.duration * paths.times[edges]
+        places = Places(
+            times, course.attitudes[edges], Placements.of(self._arm, course.joints[edges])
+        )
+        scene, required = self._scene.along(places), self.required
+        near = required + _NEAR
+        row, pair, now = self._near(places.bodies, scene, near)
+        if len(course.joints) not in self._seen:
+            self._seen[len(course.joints)] = _Seen.never(len(course.joints), len(required))
+        seen = self._seen[len(course.joints)]
+        known = _Seen(*(array[edges[row], pair] for array in seen))
+        radii = self._balls[self._ball_of[pair], 4].min(axis=1)
+        (chosen,) = np.nonzero(known.bounds(now, radii) < near[pair])
+        row, pair, now = row[chosen], pair[chosen], _Seen(*(array[chosen] for array in now))
+        now.distances[:], normals, points = self._pairs.nearest(
+            course.joints[edges], row, pair, scene, near[pair]
+        )
+        for array, new in zip(seen, now, strict=True):
+            array[edges[row], pair] = new
+        lack = required[pair] - now.distances
+        rows = np.column_stack([row, pair, lack, normals, points.reshape(-1, 6)])
+        return self._with_derivatives(rows[lack > -_NEAR], edges, places, paths)
+
+    def _near(
+        self, bodies: Placements, scene: Placed, required: Array
+    ) -> tuple[IntArray, IntArray, _Seen]:
+        """Rows of configurations and pairs whose spheres are too near, with what is seen there."""
+        rotations = np.concatenate([bodies.rotations, scene.rotations], axis=1)
+        origins = np.concatenate([bodies.origins, scene.positions], axis=1)
+        body, (first, second) = self._balls[:, 0].astype(np.int64), self._ball_of.T
+        at = np.einsum("ebij,bj->ebi", rotations[:, body], self._balls[:, 1:4])
+        centres, radii = at + origins[:, body], self._balls[:, 4]
+        between = np.linalg.norm(centres[:, first] - centres[:, second], axis=2)
+        gaps = between - radii[first] - radii[second]
+        row, pair = np.nonzero(gaps < required)
+        order = self._larger_first[pair]
+        larger, smaller = np.take_along_axis(self._bodies[pair], order, axis=1).T
+        back = rotations[row, larger].transpose(0, 2, 1)
+        ball = self._ball_of[pair, order[:, 1]]
+        away = centres[row, ball] - origins[row, larger]
+        turned = back @ rotations[row, smaller]
+        return row, pair, _Seen(gaps[row, pair], np.einsum("mij,mj->mi", back, away), turned)
+
+    def _edges(self, paths: JointPaths) -> IntArray:
+        """Ends of intervals to look at: of equal loops the first one and where others differ."""
+        every = np.arange(1, len(paths.times))
+        still = not self._problem.scene.bodies and paths.closed
+        if paths.loops <= 2 or not still:
+            return every
+        loop, ends = len(every) // paths.loops, _ENDS * len(every) // paths.all_spans
+        return np.concatenate([every[: loop + ends], every[-ends:]])
+
+    def _with_derivatives(
+        self, table: Array, edges: IntArray, places: Places, paths: JointPaths
+    ) -> Violations:
+        """Violations of rows of edge, pair, lack, normal and both nearest points."""
+        n, rows, pair = paths.joint_count, table[:, 0].astype(int), table[:, 1].astype(int)
+        lack, normals = table[:, 2], table[:, 3:6]
+        by_joints, by_turn = np.zeros((len(table), n)), np.zeros((len(table), 3))
+        by_duration = np.zeros(len(table))
+        _, origins, axes, centres, centre_rates = places.bodies.taken(rows)
+        prismatic = self._arm.prismatic
+        for side, sign in ((0, -1.0), (1, 1.0)):  # distances grow where the second point moves
+            point, body = table[:, 6 + 3 * side : 9 + 3 * side], self._bodies[pair, side]
+            still = self._scene.free[np.maximum(body - n - 1, 0)] & (body > n)
+            levers = np.cross(axes, point[:, None] - origins[:, 1:])
+            moves = np.where(prismatic[:, None], axes, levers)
+            moves *= (np.arange(n) < body[:, None])[:, :, None]
+            slopes = np.einsum("mji,mi->mj", moves, normals)
+            slopes -= np.einsum("mij,mi->mj", centre_rates, normals)
+            by_joints += sign * np.where(still[:, None], 0.0, slopes)
+            around = np.cross(point - centres, normals)
+            by_turn += sign * np.where(still[:, None], 0.0, around)
+            for number in np.unique(body[still]):
+                chosen = np.flatnonzero(body == number)
+                velocity = self._scene.velocities(
+                    number - n - 1, places.taken(rows[chosen]), point[chosen]
+                )
+                along = (normals[chosen] * velocity).sum(axis=1)
+                by_duration[chosen] += sign * paths.times[edges[rows[chosen]]] * along
+        amounts = np.minimum(lack, _DEEPEST) / _SCALE
+        return Violations(
+            edges[rows], amounts, -by_joints / _SCALE, -by_turn / _SCALE, -by_duration / _SCALE
+        )

@@ -1,0 +1,159 @@
+"""Finding a motion of the joints to a goal from the state of a system."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+import numpy.typing as npt
+from threadpoolctl import threadpool_limits
+
+from freefloat.beyond.missions.goals.certification import Certification
+from freefloat.beyond.missions.goals.clearances import Clearances
+from freefloat.beyond.missions.goals.failure import why_not
+from freefloat.beyond.missions.goals.families import families_of
+from freefloat.beyond.missions.goals.goal import Goal
+from freefloat.beyond.missions.goals.goal_motion import GoalMotion, goal_problem
+from freefloat.beyond.missions.goals.query import Query, Start
+from freefloat.beyond.missions.goals.search import GoalSearch
+from freefloat.beyond.missions.goals.violations import ShapeLimits, StateLimits
+from freefloat.concurrency import Progress, step_of
+from freefloat.dynamics.system import System
+from freefloat.errors import InputError, require_type, seed_number
+from freefloat.limits.limits import Limits
+from freefloat.limits.values import OFF
+from freefloat.motion.motion import Motion
+from freefloat.scene.scene import Scene
+from freefloat.so3 import unit_quaternion
+
+_ONE_THREAD = partial(threadpool_limits, limits=1, user_api="blas")
+"""Context of searches: threads of BLAS wait for one another longer than small matrices take."""
+_FIRST = 0.5
+"""Part of the progress that the search in a given duration is."""
+
+
+def move(
+    system: System,
+    state: tuple[npt.ArrayLike, npt.ArrayLike],
+    goal: Goal,
+    limits: Limits | None = None,
+    scene: Scene | None = None,
+    *,
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> GoalMotion:
+    """Find a motion of the joints from a state at rest to a goal.
+
+    Joint splines are found by optimization from random paths and from straight ways to arm branches
+    at the goal. They keep joint ranges and limits, and are as short as limits of rates and torques
+    permit near where the search ends: that no motion is found does not prove that there is none. A
+    dynamic singularity on the way is no obstacle, as joints are prescribed.
+
+    Args:
+        system: Robot, momentum, wheels and drift.
+        state: Attitude of the spacecraft, quaternion x, y, z, w, and joint values (n,).
+        goal: What is to be reached.
+        limits: Limits in addition to the joint ranges.
+        scene: Bodies and corridor, from the centre of mass at the start.
+        seed: Seed of the random paths.
+        progress: Called with the fraction done, in [0, 1].
+
+    Raises:
+        InputError: If an argument is of another kind, or nothing determines the duration.
+
+    Example:
+        >>> system = ff.System(ff.FreeFloatingModel.from_urdf("planar_2dof"))
+        >>> limits = ff.Limits(joint_rate=[0.1, 0.1])
+        >>> state = [0.0, 0.0, 0.0, 1.0], [0.3, 0.7]
+        >>> result = ff.move(system, state, ff.Goal(joints=[0.6, 0.2]), limits)
+        >>> result.feasible, round(result.duration, 1)
+        (True, 5.5)
+    """
+    query = _posed(system, state, goal, limits, scene)
+    return move_from(query, seed=seed, progress=progress)
+
+
+def sketch(
+    system: System,
+    state: tuple[npt.ArrayLike, npt.ArrayLike],
+    goal: Goal,
+    limits: Limits,
+    scene: Scene,
+    *,
+    seed: int = 0,
+) -> Motion | None:
+    """A motion to a goal that is found at once: clearance, pointing and turn are left out.
+
+    Args and errors are those of :func:`move`; None where no motion was found.
+    """
+    rates = replace(limits.without_turn, clearance=OFF, pointing=())
+    query = _posed(system, state, goal, rates, scene)
+    query.require_sense()
+    with _ONE_THREAD():
+        return _search(query, None).sketch(seed)
+
+
+def _posed(
+    system: System,
+    state: tuple[npt.ArrayLike, npt.ArrayLike],
+    goal: Goal,
+    limits: Limits | None,
+    scene: Scene | None,
+) -> Query:
+    """What is asked for, from a state at rest."""
+    require_type("system", system, System, "a System, such as System(model)")
+    require_type("goal", goal, Goal, "a Goal, such as Goal(joints=joints)")
+    limits, scene = Limits() if limits is None else limits, Scene() if scene is None else scene
+    require_type("limits", limits, Limits, "Limits, such as Limits(joint_rate=rates)")
+    accepted = "attitude and joints"
+    require_type("state", state, Sequence, accepted)
+    if len(state) != 2:
+        raise InputError("state", f"{len(state)} entries were given", accepted)
+    attitude = unit_quaternion("state.attitude", state[0])
+    joints = system.model.joint_vector(state[1], "state.joints")
+    problem = goal_problem(system, attitude, joints, goal, scene)
+    return Query(problem, Start(attitude, joints, np.zeros_like(joints)), goal, limits)
+
+
+def move_from(query: Query, *, seed: int = 0, progress: Progress | None = None) -> GoalMotion:
+    """Find a motion of the joints to a goal, from a state at which they may move.
+
+    Args:
+        query: What is asked for.
+        seed: Seed of the random paths.
+        progress: Called with the fraction done, in [0, 1].
+
+    Raises:
+        InputError: If robot, state and limits do not suit the goal.
+    """
+    query.require_sense()
+    goal = query.goal
+    outcome = GoalMotion(query.problem, goal, query.limits, False, "")
+    reason = query.known_obstacle()
+    if reason is not None:
+        return replace(outcome, reason=reason)
+    part = 1.0 if goal.duration is None else _FIRST
+    with _ONE_THREAD():
+        search = _search(query, step_of(progress, 0.0, part))
+        found = search.shortest(seed_number("seed", seed))
+        if found is not None:
+            return outcome.with_motion(found.motion, found.results)
+        longer: GoalMotion | None = None
+        if goal.duration is not None and query.limits.timed and not query.is_there:
+            free = replace(query, goal=replace(goal, duration=None))
+            longer = move_from(free, seed=seed, progress=step_of(progress, part, 1.0))
+        return why_not(outcome, search, seed, longer, query.goal_words)
+
+
+def _search(query: Query, progress: Progress | None) -> GoalSearch:
+    """The search for motions to a goal."""
+    problem, checker, limits = query.problem, query.checker, query.limits
+    shapes: list[ShapeLimits] = [StateLimits(problem, limits, query.start.attitude)]
+    if checker.pairs is not None:
+        clearances = Clearances(problem, checker.pairs, checker.pairs.clearance)
+        clearances.allow_start(query.start.joints, query.attitude)
+        shapes.append(clearances)
+    certification = Certification(problem, checker, query.start.attitude, query.by_time)
+    return GoalSearch(list(families_of(query, shapes)), certification, step_of(progress, 0.0, 1.0))

@@ -1,0 +1,143 @@
+"""A relaxed problem at a path, linearized, and the step to its least value."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from freefloat.beyond.missions.goals.joint_paths import Course
+from freefloat.so3 import Array
+
+WEIGHT_OF_END = 10.0
+"""Least weight of the residuals of the end in what steps decrease [1/rad, 1/m]."""
+_ACTIVE_SETS = 10
+"""Most sets of violations for which a step is computed."""
+_HALVINGS = 12
+"""Bisections of the way to the least value of one of them."""
+_RANK = 1e-10
+"""Singular value, over the largest one, from which the end can be changed in a direction."""
+
+
+class Step(NamedTuple):
+    """A step of the unknowns.
+
+    Attributes:
+        change: The step, shape (unknowns,).
+        gain: Decrease of the value that it promises.
+        multiplier: Largest multiplier of the end's residuals.
+        back: Changes of the unknowns by which residuals of the end decrease by one, shape
+            (unknowns, size).
+    """
+
+    change: Array
+    gain: float
+    multiplier: float
+    back: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Quadratic:
+    """The problem at a path, linearized.
+
+    Attributes:
+        course: The path.
+        smooth: What is minimized, without penalties of violations.
+        gradient: Its gradient, shape (unknowns,).
+        matrix: Its second derivatives, shape (unknowns, unknowns).
+        hinges: How far limits are violated, negative where they are kept, weighted, shape (M,).
+        slopes: Derivatives of these, shape (M, unknowns).
+        error: Residuals of the end, shape (size,).
+        jacobian: Their derivatives, shape (size, unknowns).
+    """
+
+    course: Course
+    smooth: float
+    gradient: Array
+    matrix: Array
+    hinges: Array
+    slopes: Array
+    error: Array
+    jacobian: Array
+
+    @cached_property
+    def penalty(self) -> float:
+        """Half the sum of squared violations."""
+        return _penalty(self.hinges)
+
+    @property
+    def value(self) -> float:
+        """What is minimized, with penalties."""
+        return self.smooth + self.penalty
+
+    @property
+    def promise(self) -> float:
+        """The duration, increased by what is violated [s]."""
+        error = float(np.abs(self.error).sum())
+        return self.course.duration * (1.0 + self.penalty + WEIGHT_OF_END * error)
+
+    def merit(self, weight: float) -> float:
+        """What steps decrease, with a weight of the end's residuals [1/rad, 1/m]."""
+        return self.value + weight * float(np.abs(self.error).sum())
+
+    def step(self, damping: float, scale: Array) -> Step:
+        """The step to the least value subject to the linearized end.
+
+        Which limits are violated after the step is found with it, by Newton's method.
+        """
+        M, hinges = self.matrix + np.diag(damping * scale), self.hinges
+        change = np.zeros_like(self.gradient)
+        for number in range(_ACTIVE_SETS):
+            active = hinges > 0.0
+            rows = self.slopes[active]
+            H = M + rows.T @ rows
+            gradient = self.gradient + rows.T @ self.hinges[active]
+            back, inverse, free = self._back(H, -gradient)
+            residuals = self.error + self.jacobian @ free
+            least = free - back @ residuals
+            change = self._between(M, change, least) if number else least
+            hinges = self.hinges + self.slopes @ change
+            if np.array_equal(hinges > 0.0, active):
+                break
+        promised = change @ (self.gradient + self.matrix @ change / 2.0) + _penalty(hinges)
+        largest = float(np.abs(inverse @ residuals).max(initial=0.0))
+        return Step(change, self.penalty - float(promised), largest, back)
+
+    def _between(self, M: Array, start: Array, end: Array) -> Array:
+        """The change with the least value on the way from one to another."""
+        way = end - start
+        hinges, slopes = self.hinges + self.slopes @ start, self.slopes @ way
+        slope, curvature = way @ (self.gradient + M @ start), way @ M @ way
+
+        def rising(part: float) -> bool:
+            violations = np.maximum(hinges + part * slopes, 0.0)
+            return bool(slope + part * curvature + violations @ slopes > 0.0)
+
+        low, high = 0.0, 1.0
+        if not rising(high):
+            return end
+        for _ in range(_HALVINGS):
+            middle = (low + high) / 2.0
+            low, high = (low, middle) if rising(middle) else (middle, high)
+        return np.asarray(start + low * way)
+
+    def back(self, damping: float) -> Array:
+        """Changes of the unknowns that violate little, by which residuals decrease by one."""
+        rows = self.slopes[self.hinges > 0.0]
+        H = self.matrix + rows.T @ rows + damping * np.eye(len(self.gradient))
+        return self._back(H, self.gradient)[0]
+
+    def _back(self, H: Array, forces: Array) -> tuple[Array, Array, Array]:
+        """The changes that are smallest by a matrix, their multipliers, and what forces change."""
+        solved, free = np.split(np.linalg.solve(H, np.vstack([self.jacobian, forces]).T), [-1], 1)
+        values, vectors = np.linalg.eigh(self.jacobian @ solved)
+        kept = values > _RANK * values.max(initial=0.0)
+        inverse = (vectors[:, kept] / values[kept]) @ vectors[:, kept].T
+        return solved @ inverse, inverse, free[:, 0]
+
+
+def _penalty(hinges: Array) -> float:
+    violations = np.maximum(hinges, 0.0)
+    return float(violations @ violations) / 2.0

@@ -1,0 +1,220 @@
+"""Elastic Gauss-Newton method: violations of limits are penalized, the end is reached exactly.
+
+Every iteration solves the quadratic problem of the penalties, whose residuals are linearized,
+subject to the linearized end, with a damping that grows where the step does not help; then the end
+is corrected (J. Nocedal and S. J. Wright, Numerical Optimization, 2006, sections 10.3, 17.1, 18.3).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from freefloat.beyond.missions.goals.effort import Effort
+from freefloat.beyond.missions.goals.joint_paths import COARSE_INTERVALS, Course, JointPaths
+from freefloat.beyond.missions.goals.penalties import JointValues, beyond_one
+from freefloat.beyond.missions.goals.placements import Arm
+from freefloat.beyond.missions.goals.quadratic import WEIGHT_OF_END, Quadratic
+from freefloat.beyond.missions.goals.target import Target
+from freefloat.beyond.missions.goals.violations import ShapeLimits
+from freefloat.so3 import Array
+
+_LONGEST = 0.5
+"""Largest change of a joint in an iteration [rad, m]."""
+_STRETCHED = 0.3
+"""Largest change of the duration in an iteration, over the duration."""
+_LEAST_DAMPING, _MOST_DAMPING = 1e-6, 1e4
+_LESS, _MORE = 8.0, 4.0
+"""Factors of the damping after a step that helps, and after one that does not."""
+_HELPFUL = 0.25
+"""Decrease of the merit over the promised one from which a step helps."""
+_DAMPING = 0.05
+"""Damping at the beginning, over the weight of violations."""
+_CLOSED, _CORRECTIONS = 1e-13, 20
+"""Residual of the end that is reached exactly, and most corrections of it."""
+_RANGE_MARGIN, _RANGE_SCALE = 1e-3, 0.05
+"""Margin of joint ranges, and violation that counts as one [rad, m]."""
+_SHAPES = 0.1
+"""Weight of violations of shapes over that of rates."""
+
+
+class Weights(NamedTuple):
+    """Weights of what is minimized.
+
+    Attributes:
+        effort: Of the mean square of joint rates over their limits.
+        violations: Of the squared violations of limits.
+    """
+
+    effort: float
+    violations: float
+
+
+@dataclass(frozen=True, eq=False)
+class Relaxation:
+    """A family of paths, what they must reach, and what they must keep.
+
+    Attributes:
+        arm: The robot.
+        paths: The family.
+        target: What the paths reach.
+        attitude: Of the spacecraft at the start, shape (3, 3).
+        momenta: Of the system and of wheels [N m s], shape (2, 3).
+        joint_rate: Limits of joint rates, of joints without limit assumed ones [rad/s or m/s],
+            shape (n,).
+        joint_acceleration: Accelerations that limits of torques permit, roughly [rad/s² or m/s²],
+            shape (n,).
+        base_rate: Limit of the spacecraft's rate [rad/s]; infinite without limit.
+        ranges: Of the joints, shape (2, n).
+        shapes: Limits that do not depend on rates.
+        free_duration: Whether the duration is an unknown.
+        reference: Duration unless it is an unknown, else a guess [s].
+        effort: Work of the search; iterations end where it is spent.
+    """
+
+    arm: Arm
+    paths: JointPaths
+    target: Target
+    attitude: Array
+    momenta: Array
+    joint_rate: Array
+    joint_acceleration: Array
+    base_rate: float
+    ranges: Array
+    shapes: Sequence[ShapeLimits]
+    free_duration: bool
+    reference: float
+    effort: Effort
+
+    @cached_property
+    def coarse(self) -> Relaxation:
+        """The same with fewer instants that are looked at, to begin with."""
+        return replace(self, paths=replace(self.paths, fineness=COARSE_INTERVALS))
+
+    def course(self, unknowns: Array, order: int = 1) -> Course:
+        """The path of some unknowns, with derivatives if the order is 1."""
+        return self.paths.course(self.arm, unknowns, self.attitude, self.momenta, order)
+
+    def usage(self, course: Course) -> float:
+        """Largest ratio of joint rates and of the spacecraft's rate to their limits."""
+        joints = np.abs(course.rates / self.joint_rate).max()
+        base = np.linalg.norm(course.omega, axis=1).max() / self.base_rate
+        return float(max(joints, base)) / course.duration
+
+    def with_duration(self, unknowns: Array) -> Array:
+        """The unknowns with the duration that rates need, unless it is given."""
+        if not self.free_duration:
+            return np.append(unknowns[:-1], self.reference)
+        usage = self.usage(self.course(unknowns, 0))
+        return np.append(unknowns[:-1], max(unknowns[-1] * usage, self.reference / 100.0))
+
+    def relaxed(self, unknowns: Array, weights: Weights, iterations: int) -> Quadratic:
+        """The problem at a path near the least value, from another one."""
+        reference, of_end = float(unknowns[-1]), WEIGHT_OF_END
+        damping = _DAMPING * weights.violations
+        here = self.linearized(unknowns, weights, reference)
+        scale = np.ones(self.paths.size)
+        scale[-1] = unknowns[-1] ** -2
+        eased = 1.0
+        for _ in range(iterations):
+            damping = max(damping / eased, _LEAST_DAMPING)
+            step = here.step(damping, scale)
+            of_end = max(of_end, 1.5 * step.multiplier)
+            promised = step.gain + of_end * float(np.abs(here.error).sum())
+            gain, tried = 0.0, here
+            if promised > 0.0:
+                start, T = here.course.unknowns, here.course.duration
+                change = _shortened(step.change, T)
+                error = self.target.error(self.paths, self.course(start + change, 0))
+                change = _shortened(change - step.back @ error, T)
+                tried = self.linearized(start + change, weights, reference)
+                gain = here.merit(of_end) - tried.merit(of_end)
+            if gain <= _HELPFUL * max(promised, 0.0):
+                damping, eased = _MORE * damping, 1.0
+            else:
+                eased = _LESS
+            here = tried if gain > 0.0 else here
+            small = 0.0 < gain < 1e-4 * here.value and np.abs(here.error).max(initial=0.0) < 1e-6
+            if small or damping > _MOST_DAMPING or self.effort.spent:
+                break
+        return here
+
+    def closed(
+        self, unknowns: Array, weights: Weights, offset: Array | float = 0.0,
+        accuracy: float = _CLOSED,
+    ) -> Array | None:  # fmt: skip
+        """Unknowns nearby whose residuals at the end are the offset; the duration is held."""
+        for _ in range(_CORRECTIONS):
+            here = self.linearized(unknowns, weights)
+            error = here.error - offset
+            if np.abs(error).max(initial=0.0) < accuracy:
+                return unknowns
+            unknowns = unknowns + _shortened(-here.back(_LEAST_DAMPING) @ error, np.inf)
+        return unknowns if np.abs(error).max(initial=0.0) < 1e3 * _CLOSED else None
+
+    def linearized(
+        self, unknowns: Array, weights: Weights, reference: float | None = None
+    ) -> Quadratic:
+        """The problem at a path; its duration is held unless it is minimized, over a reference."""
+        course, paths = self.course(unknowns), self.paths
+        self.effort.take(paths.intervals)
+        rates = JointValues.along(paths, unknowns, self.joint_rate, 1)
+        weight = weights.effort / len(course.omega)
+        smooth, gradient, matrix = rates.mean_square(weight, paths)
+        beyond = [(np.zeros(0), np.zeros((0, paths.size)))]
+        if weights.violations > 0.0:
+            beyond += self._beyond_limits(course, rates)
+        hinges, slopes = (
+            np.sqrt(weights.violations) * np.concatenate(arrays)
+            for arrays in zip(*beyond, strict=True)
+        )
+        error, of_end = self.target.linearized(paths, course)
+        if self.free_duration and reference is not None:
+            smooth += course.duration / reference
+            gradient[-1] += 1.0 / reference
+        else:
+            gradient[-1], of_end[:, -1], slopes[:, -1] = 0.0, 0.0, 0.0
+            matrix[-1], matrix[:, -1] = 0.0, 0.0
+            matrix[-1, -1] = 1.0
+        return Quadratic(course, smooth, gradient, matrix, hinges, slopes, error, of_end)
+
+    def _beyond_limits(self, course: Course, rates: JointValues) -> Iterator[tuple[Array, Array]]:
+        """How far a path is beyond limits to which it is near, with derivatives."""
+        yield rates.beyond_limits()
+        yield from self._beyond_ranges(course)
+        if np.isfinite(self.joint_acceleration).any():
+            limits = self.joint_acceleration
+            yield JointValues.along(self.paths, course.unknowns, limits, 2).beyond_limits()
+        if np.isfinite(self.base_rate):
+            yield beyond_one(*self._base_rates(course))
+        for shape in self.shapes:
+            found = shape.violations(self.paths, course)
+            yield _SHAPES * found.amounts, _SHAPES * found.jacobian(self.paths, course)
+
+    def _base_rates(self, course: Course) -> tuple[Array, Array]:
+        """Rates of the spacecraft over the limit at the G Gauss points, (G, 3), and derivatives."""
+        T = course.duration
+        base, slopes = course.omega / self.base_rate / T, course.slopes / self.base_rate / T
+        slopes[:, :, -1] -= base / T
+        return base, slopes
+
+    def _beyond_ranges(self, course: Course) -> Iterator[tuple[Array, Array]]:
+        """How far control points are beyond the joint ranges or near them, with derivatives."""
+        paths, (lower, upper) = self.paths, self.ranges
+        points, n = paths.control_points(course.unknowns), paths.joint_count
+        for sign, over in ((1.0, points - upper), (-1.0, lower - points)):
+            i, j = np.nonzero(over > -_LONGEST)
+            rows = np.zeros((len(i), paths.rows, n))
+            rows[np.arange(len(i)), :, j] = paths.spread[i]
+            jacobian = np.column_stack([rows.reshape(len(i), paths.size - 1), paths.fixed[1][i, j]])
+            yield (over[i, j] + _RANGE_MARGIN) / _RANGE_SCALE, sign * jacobian / _RANGE_SCALE
+
+
+def _shortened(step: Array, duration: float) -> Array:
+    """The step, shortened where joints or the duration would change too much."""
+    joints, time = np.abs(step[:-1]).max() / _LONGEST, abs(step[-1]) / duration / _STRETCHED
+    return np.asarray(step / max(joints, time, 1.0))

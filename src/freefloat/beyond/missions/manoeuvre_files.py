@@ -1,0 +1,94 @@
+"""Manoeuvres of files: the problem of each phase follows from the state at its beginning.
+
+A file holds the scenario of a manoeuvre, which has the phases.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import Any, cast
+
+from freefloat.beyond.missions.goals.goal_motion import GoalMotion, earlier
+from freefloat.beyond.missions.phases.kinds.capture_phase import PlannedCapture
+from freefloat.beyond.missions.phases.manoeuvre import Manoeuvre
+from freefloat.beyond.missions.phases.phase import Phase
+from freefloat.beyond.missions.phases.state import SystemState
+from freefloat.io.scenario.scenario import Scenario
+from freefloat.limits.limits import Limits
+from freefloat.motion.problem import Problem
+from freefloat.planning.answer import Finding, PhaseResult
+from freefloat.planning.plan import Plan
+from freefloat.planning.settings import Search
+from freefloat.records import Codec, Tree
+from freefloat.robot.model import FreeFloatingModel
+from freefloat.verification import codec
+
+CODEC = Codec(
+    (*codec.CODEC.context, tuple[Phase, ...]), {Finding: (Plan, GoalMotion, PlannedCapture)}
+)
+"""Codec of manoeuvres: their phases are stored in the text of the scenario, too."""
+
+
+def decode_manoeuvre(tree: Tree, scenario: Scenario) -> Manoeuvre:
+    """The manoeuvre of a scenario."""
+    entries: dict[str, Tree] = tree["phases"]
+    trees = [entries[str(number)] for number in range(len(entries))]
+    first = [entry["result"]["class"] for entry in trees].index(Plan.__name__)
+    search, limits = scenario.search(), scenario.limits()
+    problem = search.applied_to(scenario.problem())
+    path = _decoded(trees[first], problem, limits, search)
+    plan, phases = cast(Plan, path.result), [path]
+    if plan.motion is not None:
+        state = SystemState.at_start(plan.motion)
+        phases = [
+            *(
+                _before(entry, state.problem, state.limits(limits).without_turn)
+                for entry in trees[:first]
+            ),
+            path,
+            *_following(trees[first + 1 :], scenario, limits, state.after(plan.motion)),
+        ]
+    return Manoeuvre(plan, tuple(phases), scenario.phases(), bool(tree["reorient"]))
+
+
+def _following(
+    trees: Sequence[Tree], scenario: Scenario, limits: Limits, state: SystemState
+) -> Iterator[PhaseResult]:
+    """The phases after the first path, each from the state at which the one before ends."""
+    for tree, phase in zip(trees, scenario.phases(), strict=False):
+        problem, own = phase.problem_at(state), state.limits(limits)
+        if tree["result"]["class"] == GoalMotion.__name__:
+            own = own.without_turn
+            if "motion" in tree["result"]:
+                problem = replace(problem, path=problem.path.lasting(_duration(tree)))
+        planned = _decoded(tree, problem, own)
+        yield planned
+        if planned.feasible:
+            state = phase.end(state, planned.result)
+
+
+def _before(tree: Tree, problem: Problem, limits: Limits) -> PhaseResult:
+    """A phase before the first path."""
+    if "motion" in tree["result"]:
+        duration = _duration(tree)
+        limits = limits.seen_from(-duration * problem.path.drift)
+        problem = replace(earlier(problem, duration), path=problem.path.lasting(duration))
+    return _decoded(tree, problem, limits)
+
+
+def _duration(tree: Tree) -> float:
+    return float(tree["result"]["motion"]["times"].values[-1])
+
+
+def _decoded(
+    tree: Tree,
+    problem: Problem,
+    limits: Limits,
+    search: Search | None = None,
+) -> PhaseResult:
+    context: dict[type, Any] = {
+        Problem: problem, Limits: limits, Search: search or Search(),
+        FreeFloatingModel: problem.model,
+    }  # fmt: skip
+    return CODEC.decode(PhaseResult, tree, context)

@@ -1,0 +1,194 @@
+"""The checks of a manoeuvre: each phase, and that it begins where the one before ends."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Any, cast
+
+import numpy as np
+
+from freefloat.beyond.missions.capture import Capture
+from freefloat.beyond.missions.goal_verification import goal_report
+from freefloat.beyond.missions.goals.goal_motion import GoalMotion
+from freefloat.beyond.missions.phases.kinds.capture_phase import CapturePhase
+from freefloat.beyond.missions.phases.kinds.goal_phase import GoalPhase
+from freefloat.beyond.missions.phases.kinds.path_phase import PathPhase
+from freefloat.beyond.missions.phases.manoeuvre import Manoeuvre
+from freefloat.beyond.missions.phases.phase import PATH, REORIENTATION
+from freefloat.beyond.missions.phases.prescribed_path import JUMP
+from freefloat.beyond.missions.phases.state import SystemState
+from freefloat.dynamics.momentum import momentum_map
+from freefloat.limits.limits import Limits
+from freefloat.motion.motion import Motion, State
+from freefloat.planning.answer import PhaseResult
+from freefloat.planning.plan import Plan
+from freefloat.records import Known, Origin
+from freefloat.rotations import rotation_matrix
+from freefloat.so3 import Array, angle_between
+from freefloat.verification.comparisons import Check, error_check
+from freefloat.verification.path_motions import plan_report
+from freefloat.verification.report import CheckReport
+
+_SAME = 1e-8
+"""Errors of states handed on [rad, m]."""
+_MOMENTUM = 1e-9
+"""Error of the momentum after a capture, as a fraction of its parts, which may cancel."""
+_AT_PRESENT = 1e-6
+"""Largest angle and joint value by which a start is the present state [rad, m]."""
+
+
+def manoeuvre_report(manoeuvre: Manoeuvre, engine: str) -> tuple[CheckReport, Known]:
+    """All checks of a manoeuvre, and what is recomputed.
+
+    Args:
+        manoeuvre: The record, computed or loaded from a file.
+        engine: As for :func:`~freefloat.verification.check.check`.
+    """
+    checks, phases, path = list[Check](), list[Known](), Known(Plan, {})
+    for stated, again in _recomputed(manoeuvre):
+        report, known = _phase_report(stated, again, engine)
+        for check in report.checks:
+            time = None if check.time is None else again.start + check.time
+            checks.append(replace(check, name=f"{again.name}: {check.name}", time=time))
+        fields = {"name": again.name, "kind": again.kind, "start": again.start,
+                  "centre": again.centre, "result": known}  # fmt: skip
+        phases.append(Known(PhaseResult, fields))
+        if again.result is manoeuvre.path and isinstance(known, Known):
+            path = known
+    checks += _handover_checks(manoeuvre)
+    checks.append(_phases_check(manoeuvre))
+    if not manoeuvre.feasible:
+        checks.append(Check("feasible", False, manoeuvre.reason, False))
+    turned = any(phase.name == REORIENTATION for phase in manoeuvre.phases)
+    values = {"path": path, "phases": tuple(phases), "reorient": turned or Origin.GIVEN}
+    return CheckReport(manoeuvre.kind, tuple(checks)), Known(Manoeuvre, values)
+
+
+def _phases_check(manoeuvre: Manoeuvre) -> Check:
+    """Check that a feasible manoeuvre has all its phases: the turn before its path, those after."""
+    numbers = [k for k, phase in enumerate(manoeuvre.phases) if phase.result is manoeuvre.path]
+    before, after = numbers[0], len(manoeuvre.phases) - numbers[0] - 1
+    turned = before == 1 or not manoeuvre.reorient or _begins_at_present(manoeuvre.path)
+    whole = not manoeuvre.feasible or (turned and after == len(manoeuvre.following))
+    words = f"{before} phases before the path and {after} after it are stated"
+    return Check("phases", whole, "" if whole else words)
+
+
+def _begins_at_present(plan: Plan) -> bool:
+    """Whether a plan begins at the present attitude and joints of its search."""
+    motion, model = plan.motion, plan.problem.model
+    if motion is None or plan.search.joints is None or plan.deviation is None:
+        return False
+    present = model.joint_vector(plan.search.joints, "search.joints")
+    apart = float(np.abs(motion.initial.joints - present).max())
+    return max(plan.deviation, apart) < _AT_PRESENT
+
+
+def _recomputed(manoeuvre: Manoeuvre) -> Iterator[tuple[PhaseResult, PhaseResult]]:
+    """The phases as they are stated, and where each begins, with what it finds where that is known.
+
+    Results of searches are those that are stated.
+    """
+    path, phases = manoeuvre.path, manoeuvre.phases
+    first = next(k for k, phase in enumerate(phases) if isinstance(phase.result, Plan))
+    for stated in phases[:first]:
+        start, drift = -stated.duration, path.problem.path.drift
+        yield (
+            stated,
+            PhaseResult(REORIENTATION, GoalPhase.kind, stated.result, start, start * drift),
+        )
+    yield phases[first], PhaseResult(PATH, PathPhase.kind, path)
+    if path.motion is None or not all(phase.feasible for phase in phases[: first + 1]):
+        return
+    state = SystemState.at_start(path.motion).after(path.motion)
+    for phase, stated in zip(manoeuvre.following, phases[first + 1 :], strict=False):
+        result: Any = stated.result
+        if not isinstance(phase, GoalPhase):
+            result = phase.run(state, state.limits(manoeuvre.limits or Limits()))
+        yield stated, PhaseResult(phase.name, phase.kind, result, state.time, state.centre)
+        if not stated.feasible:
+            return
+        state = phase.end(state, stated.result)
+
+
+def _phase_report(
+    stated: PhaseResult, again: PhaseResult, engine: str
+) -> tuple[CheckReport, Known | Capture]:
+    """The checks of a phase by itself, and what is known of its result."""
+    found = again.result
+    if isinstance(stated.result, GoalMotion):
+        return goal_report(stated.result, engine)
+    if isinstance(stated.result, Plan) and isinstance(found, Plan):
+        phase = None if stated.result is found else found
+        return plan_report(stated.result, engine, phase=phase)
+    return CheckReport(again.kind, ()), cast(Capture, found)
+
+
+def _handover_checks(manoeuvre: Manoeuvre) -> Iterator[Check]:
+    """Each phase begins with the state at which the one before ends."""
+    before: tuple[PhaseResult, _State] | None = None
+    for phase in manoeuvre.phases:
+        motion = phase.motion
+        if before is not None and phase.kind == CapturePhase.kind:
+            result, last = cast(Capture, phase.result), before[1]
+            yield from _capture_checks(phase, result, last)
+            omega = rotation_matrix(last.attitude).T @ result.base_rate
+            before = before[0], replace(last, joint_rates=result.joint_rates, base_rate=omega)
+        if motion is None:
+            continue
+        if before is not None:
+            yield from _joint_checks(phase, _state(phase, motion, motion.initial), *before)
+        before = phase, _state(phase, motion, motion.final)
+
+
+@dataclass(frozen=True, eq=False)
+class _State:
+    """Where a phase begins or ends, the base position in the frame of the manoeuvre.
+
+    Joints are those of the arm that follows the path.
+    """
+
+    attitude: Array
+    joints: Array
+    base_position: Array
+    joint_rates: Array
+    base_rate: Array
+
+
+def _state(phase: PhaseResult, motion: Motion, state: State) -> _State:
+    """A state of a motion with its rates."""
+    where, drift = (state.attitude, state.joints), motion.problem.path.drift
+    rates, arm = motion.law.rates(state.time, *where), motion.problem.arm_joints
+    base = phase.centre + state.time * drift + state.base_position
+    return _State(state.attitude, state.joints[arm], base, rates.joints[arm], rates.base)
+
+
+def _joint_checks(
+    phase: PhaseResult, first: _State, before: PhaseResult, last: _State
+) -> Iterator[Check]:
+    """Configuration and rates where two phases join."""
+    angle = float(angle_between(last.attitude, first.attitude))
+    lengths = (last.joints - first.joints, last.base_position - first.base_position)
+    error = max(angle, *(float(np.abs(difference).max()) for difference in lengths))
+    name = f"{phase.name}: begins where {before.name} ends"
+    yield error_check(name, error, _SAME, "rad, m", phase.start)
+    rates = (last.joint_rates - first.joint_rates, last.base_rate - first.base_rate)
+    error = max(float(np.abs(difference).max()) for difference in rates)
+    yield error_check(f"{phase.name}: rates at its start", error, JUMP, "rad/s, m/s", phase.start)
+
+
+def _capture_checks(phase: PhaseResult, result: Capture, state: _State) -> Iterator[Check]:
+    """The momentum is that of the new robot at its rates."""
+    A = momentum_map(result.model, state.joints, state.attitude)
+    omega = rotation_matrix(state.attitude).T @ result.base_rate
+    rates = np.concatenate([omega, result.joint_rates])
+    linear = result.model.total_mass * result.velocity
+    base = np.linalg.solve(A[:3, :3], linear - A[:3, 3:] @ rates)
+    momentum = A[3:] @ np.concatenate([base, rates])
+    error = float(np.abs(momentum - result.system.body_momentum(state.attitude)).max())
+    before = np.concatenate([state.base_rate, state.joint_rates])
+    parts = np.abs(A[3:, 3:]) @ (np.abs(before) + np.abs(rates))
+    vectors = (result.momentum, result.wheel_momentum, parts)
+    scale = sum(float(np.linalg.norm(vector)) for vector in vectors) + _MOMENTUM
+    yield error_check(f"{phase.name}: momentum", error, _MOMENTUM * scale, "N m s", phase.start)

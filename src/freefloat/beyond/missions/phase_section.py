@@ -1,0 +1,170 @@
+"""The ``phases`` of scenario files: what follows the path."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Literal, cast
+
+import numpy as np
+from pydantic import model_validator
+
+from freefloat.beyond.missions.goal_section import GoalSection, PoseSection
+from freefloat.beyond.missions.goals.goal import Goal, require_inside
+from freefloat.beyond.missions.phases.expected_state import keys_within
+from freefloat.beyond.missions.phases.kinds.capture_phase import CapturePhase
+from freefloat.beyond.missions.phases.kinds.goal_phase import GoalPhase
+from freefloat.beyond.missions.phases.kinds.path_phase import PathPhase
+from freefloat.beyond.missions.phases.phase import Phase
+from freefloat.dynamics.tasks import Task
+from freefloat.errors import InputError
+from freefloat.io.scenario.field_types import (
+    Inertia,
+    Name,
+    NotNegative,
+    Number,
+    Positive,
+    Section,
+    Vector,
+    exactly_one_of,
+)
+from freefloat.io.scenario.path_schema import PathFrame, PathSection
+from freefloat.io.scenario.path_section import path_of, section_of
+from freefloat.io.scenario.timing_section import TimingSection, timing_content
+from freefloat.motion.problem import Problem
+from freefloat.paths.relative_path import RelativePath
+from freefloat.paths.timing import TimedPath
+from freefloat.scene.scene import Scene
+
+
+class ToSection(PoseSection):
+    """A pose to which the end-effector moves from where it is, on the shortest way."""
+
+    frame: Literal["inertial", "spacecraft", "base", "end_effector"] = "inertial"
+    """Frame of both: ``inertial``, from the centre of mass at time zero; or, where the phase
+    begins, that of the root link, of the link that carries the first joint, or of the
+    end-effector."""
+
+
+class CaptureSection(Section):
+    """A body of the scene that is grasped: it becomes a payload."""
+
+    body: Name
+    """Its name."""
+    mass: Positive
+    """Mass [kg]."""
+    inertia: Inertia | None = None
+    """Inertia about its centre of mass, axes of its frame [kg m²]; default: that of its
+    tumbling."""
+    com: Vector | None = None
+    """Centre of mass in its frame [m]; default: that of its tumbling, or zero."""
+
+
+class PhaseSection(Section):
+    """A phase after the path, from the state at which the one before ends: exactly one kind."""
+
+    name: Name | None = None
+    """Its name, unlike those of the others; default: its kind, with a number where another phase
+    has that name: ``goal``, ``goal 2``."""
+    path: PathSection | None = None
+    """A path that begins with the end-effector's pose and velocity; its frame is ``inertial`` or a
+    body of the scene."""
+    to: ToSection | None = None
+    """A pose at which the end-effector comes to rest, on the shortest way."""
+    joints: list[Number] | dict[str, Number] | None = None
+    """Joints at which the arm comes to rest [rad, m], in the order of the chain, or by name: the
+    short form of a goal with these joints and the duration."""
+    goal: GoalSection | None = None
+    """What shall hold at its end; the motion of the joints to it is found."""
+    capture: CaptureSection | None = None
+    timing: TimingSection | None = None
+    """Time law of a path; ``optimal`` with speeds only."""
+    duration: Positive | None = None
+    """Duration of the motion to a pose or to joints [s]; of joints by default the shortest one
+    found that limits of rates and torques permit."""
+    margin: NotNegative = 0.0
+    """Smallest allowed magnitude of ``margin.measure`` on a path or to a pose."""
+
+    _exactly_one = exactly_one_of("path", "to", "joints", "goal", "capture")
+
+    @model_validator(mode="after")
+    def _has_its_time(self) -> PhaseSection:
+        if (self.path is not None) != (self.timing is not None):
+            raise ValueError("path together with its timing, such as timing: {duration: 40}")
+        if self.to is not None and self.duration is None:
+            raise ValueError("duration together with to")
+        if self.to is None and self.joints is None and self.duration is not None:
+            raise ValueError("duration together with to or joints; paths have timing.duration")
+        if "margin" in self.model_fields_set and self.path is None and self.to is None:
+            raise ValueError("margin together with path or to")
+        return self
+
+    def to_phase(
+        self, problem: Problem, folder: Path, samples: Mapping[str, str], seed: int
+    ) -> Phase:
+        """The phase.
+
+        Args:
+            problem: Problem of the scenario.
+            folder: Folder of the files that it names.
+            samples: Texts of the CSV files among them, by name.
+            seed: Seed of the search for a motion to a goal.
+
+        Raises:
+            InputError: If a value is invalid; keys are those below that of its kind.
+        """
+        name = self.name or ""
+        if self.capture is not None:
+            inertia, com = self.capture.inertia, self.capture.com
+            return CapturePhase(
+                self.capture.body, self.capture.mass,
+                None if inertia is None else np.array(inertia),
+                None if com is None else np.array(com), name,
+            )  # fmt: skip
+        if self.goal is not None:
+            return GoalPhase(self.goal.to_goal(problem.model), name, seed)
+        if self.joints is not None:
+            joints = problem.model.joint_vector(self.joints, "joints")
+            require_inside(problem.model, joints, "joints")
+            return GoalPhase(Goal(joints=joints, duration=self.duration), name, seed)
+        if self.to is not None:
+            pose = self.to.to_pose("to")
+            straight = Goal(pose, frame=self.to.frame, duration=self.duration)
+            return PathPhase(straight, name, self.margin)
+        path = self._path(problem.task, problem.scene, folder, samples)
+        return PathPhase(path, name, self.margin)
+
+    def _path(
+        self, task: Task, scene: Scene, folder: Path, samples: Mapping[str, str]
+    ) -> TimedPath | RelativePath:
+        section, timing = cast(PathSection, self.path), cast(TimingSection, self.timing)
+        kind = section.frame
+        known = [PathFrame.INERTIAL, *scene.names]
+        if kind not in known:
+            raise InputError("path.frame", f"{kind!s} was given", ", ".join(known))
+        with keys_within("path"):
+            path = path_of(section, task, samples, folder, None)
+        if kind is PathFrame.INERTIAL:
+            return TimedPath(path, timing.to_timing())
+        return RelativePath(scene.bodies[scene.names.index(kind)], path, timing.to_timing())
+
+
+def phases_content(phases: Sequence[Phase]) -> tuple[list[dict[str, Any]], dict[str, str]]:
+    """Contents of the sections that describe phases, and texts of CSV files by name.
+
+    Raises:
+        InputError: If scenario files cannot describe one.
+    """
+    contents: list[dict[str, Any]] = []
+    samples: dict[str, str] = {}
+    for number, phase in enumerate(phases):
+        with keys_within(f"phases.{number}"):
+            content = {"name": phase.name, **phase.to_dict()}
+            if isinstance(phase, PathPhase) and not isinstance(phase.path, Goal):
+                path, texts = section_of(phase.path.path, f"phase_{number}.csv")
+                if isinstance(phase.path, RelativePath):
+                    path["frame"] = phase.path.body.name
+                content |= {"path": path, "timing": timing_content(phase.path.timing)}
+                samples |= texts
+        contents.append(content)
+    return contents, samples

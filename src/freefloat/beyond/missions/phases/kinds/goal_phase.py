@@ -1,0 +1,79 @@
+"""Phases in which the joints move to a goal."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar
+
+import numpy as np
+
+from freefloat.beyond.missions.goals.goal import Goal
+from freefloat.beyond.missions.goals.goal_motion import GoalMotion
+from freefloat.beyond.missions.phases.expected_state import ExpectedState
+from freefloat.beyond.missions.phases.phase import Phase
+from freefloat.beyond.missions.phases.state import SystemState
+from freefloat.errors import InputError, require_type, seed_number
+from freefloat.limits.limits import Limits
+from freefloat.motion.problem import Problem
+from freefloat.scene.scene import FRAMES
+
+
+@dataclass(frozen=True, eq=False)
+class GoalPhase(Phase):
+    """A motion of the joints to a goal, from the state at which the phase before ends.
+
+    Attributes:
+        goal: What shall hold at the end; an inertial pose is in the frame of the manoeuvre.
+        name: Its name; by default ``"goal"``, with a number where another phase has that name.
+        seed: Seed of the random paths of the search.
+
+    Example:
+        >>> ff.GoalPhase(ff.Goal(joints=[0.2, -0.4]), name="berth").name
+        'berth'
+    """
+
+    kind: ClassVar[str] = "goal"
+
+    goal: Goal
+    name: str = ""
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        require_type("goal", self.goal, Goal, "a Goal, such as Goal(joints=joints)")
+        require_type("name", self.name, str, "a name")
+        seed_number("seed", self.seed)
+
+    def expected_after(self, state: ExpectedState) -> ExpectedState:
+        """See :class:`~freefloat.beyond.missions.phases.phase.Phase`."""
+        goal = self.goal
+        goal.require_applicable(state.problem)
+        if goal.frame not in FRAMES:
+            state.body(goal.frame, "goal.pose.frame", FRAMES)
+        if goal.duration is None:
+            return replace(state, pose=None, twist=None)
+        known = goal.frame == "inertial"
+        twist = np.zeros(6) if goal.pose is not None and known else None
+        placeholder = state.problem.path.lasting(goal.duration)
+        return state.after(placeholder, None, goal.pose if known else None, twist)
+
+    def problem_at(self, state: SystemState) -> Problem:
+        """See :class:`~freefloat.beyond.missions.phases.phase.Phase`; its path is not followed."""
+        path = state.problem.path
+        return state.problem_for(path.lasting(self.goal.duration or path.duration))
+
+    def to_dict(self) -> dict[str, Any]:
+        """See :class:`~freefloat.beyond.missions.phases.phase.Phase`."""
+        if self.goal.joint_rates is not None:
+            problem = "scenario files cannot describe them"
+            raise InputError("goal.joint_rates", problem, "a goal at rest")
+        return {"goal": self.goal.to_dict()}
+
+    def run(self, state: SystemState, limits: Limits) -> GoalMotion:
+        """The motion to the goal from a state."""
+        from freefloat.beyond.missions.goals.mover import move_from  # compiled kernels
+        from freefloat.beyond.missions.goals.query import Query, Start
+
+        start = Start(state.attitude, state.joints, state.joint_rates)
+        goal = self.goal.seen_from(state.centre)
+        problem, limits = self.problem_at(state), limits.without_turn
+        return move_from(Query(problem, start, goal, limits), seed=self.seed)

@@ -1,0 +1,40 @@
+"""Scenes of motions to goals and of manoeuvres."""
+
+from __future__ import annotations
+
+from freefloat.beyond.missions.goals.goal_motion import GoalMotion
+from freefloat.beyond.missions.phases.manoeuvre import Manoeuvre
+from freefloat.errors import InputError
+from freefloat.motion.motion import Motion
+from freefloat.visualization.scenes.scene import Place, motion_scene
+from freefloat.visualization.scenes.scene_builder import Scene
+
+
+def goal_scene(result: GoalMotion, title: str) -> Scene:
+    """The scene of a motion to a goal; an InputError without one."""
+    motion = result.phases[0].shown_motion
+    if motion is None:
+        accepted = "a goal with a motion"
+        raise InputError("result", f"it has no motion: {result.reason}", accepted)
+    return motion_scene({result.kind: motion}, title, result.limits.pointing)
+
+
+def manoeuvre_scene(manoeuvre: Manoeuvre, title: str) -> Scene:
+    """The scene of the motions of a manoeuvre, in the frame of its first path.
+
+    Raises:
+        InputError: If no phase has a motion.
+    """
+    motions: dict[str, Motion] = {}
+    places: list[Place] = []
+    for number, phase in enumerate(manoeuvre.phases, 1):
+        motion = phase.shown_motion
+        if motion is not None:
+            motions[f"{number} {phase.name}"] = motion
+            x, y, z = phase.centre.tolist()
+            places.append(Place(phase.start, (x, y, z)))
+    if not motions:
+        raise InputError("manoeuvre", manoeuvre.reason, "a manoeuvre with a motion")
+    result = manoeuvre.path
+    pointing = () if result.limits is None else result.limits.pointing
+    return motion_scene(motions, title, pointing, places)

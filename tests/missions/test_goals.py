@@ -1,0 +1,284 @@
+"""Motions to goals, compared with integrations and simulations of other programs."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.spatial.transform import Rotation
+
+import freefloat as ff
+from freefloat.beyond.missions.goals import attitude_kernel, joint_paths
+from freefloat.beyond.missions.goals.clearances import Clearances
+from freefloat.beyond.missions.goals.joint_paths import Ends, JointPaths
+from freefloat.beyond.missions.goals.placements import Arm
+from freefloat.dynamics.momentum import inertia_matrices
+from freefloat.dynamics.tasks import Task
+from freefloat.motion.joint_spline import JointSpline
+from tests.errors import error_key
+from tests.lock_step import sources
+from tests.robots import inertial_text, joint_text, link_text
+
+START = [0.0, 0.8, -1.2, 0.0, 0.6, 0.0]
+STATE = ([0.0, 0.0, 0.0, 1.0], START)
+POSE = ff.so3.Pose([1.2, 0.6, 0.4], np.eye(3))
+LIMITS = ff.Limits(joint_rate=np.full(6, 0.1), base_rate=0.05)
+
+
+@pytest.fixture(scope="module")
+def model() -> ff.FreeFloatingModel:
+    return ff.FreeFloatingModel.from_urdf("spatial_6dof")
+
+
+def dense(motion: Any, count: int = 20_000) -> tuple[Any, Any, Any]:
+    """Times, joints and joint rates of a motion, from its control points alone."""
+    spline, s = JointSpline(motion.curve.control_points), np.linspace(0.0, 1.0, count)
+    return s * motion.times[-1], spline.at(s), spline.at(s, 1) / motion.times[-1]
+
+
+def attitude_at_end(system: ff.System, motion: Any) -> Any:
+    """Rotation of the spacecraft at the end, by SciPy's LSODA for D omega = R^T h - h_w - Dq q'."""
+    spline, T = JointSpline(motion.curve.control_points), float(motion.times[-1])
+
+    def change(t: float, R: Any) -> Any:
+        D, Dq = inertia_matrices(system.model, spline.at(t / T))
+        h = R.reshape(3, 3).T @ system.momentum - system.wheels
+        omega = np.linalg.solve(D, h - Dq @ spline.at(t / T, 1) / T)
+        return (R.reshape(3, 3) @ np.cross(np.eye(3), omega)).ravel()
+
+    options = {"rtol": 1e-9, "atol": 1e-10, "method": "LSODA", "max_step": T / 32}
+    return solve_ivp(change, (0.0, T), np.eye(3).ravel(), **options).y[:, -1].reshape(3, 3)
+
+
+def test_attitudes_along_a_path_and_their_derivatives(model: ff.FreeFloatingModel) -> None:
+    rng, n = np.random.default_rng(1), model.dof
+    paths = JointPaths(Ends(np.array(START), np.full(n, 0.01), None, None))
+    unknowns = np.append(rng.normal(size=paths.size - 1), 20.0)
+    arm, momenta = Arm.of(model), np.array([[0.5, -0.3, 0.2], [0.1, 0.0, 0.2]])
+    still = paths.course(arm, unknowns, np.eye(3), 0.0 * momenta)
+    joints = paths.gauss[0] @ paths.control_points(unknowns)
+    attitudes = np.tile([0.0, 0.0, 0.0, 1.0], (len(joints), 1))
+    omega = ff.System(model).base_rate(attitudes, joints, still.rates)
+    assert still.omega == pytest.approx(omega, abs=1e-12)
+    cases = 3 * [(0.0, 1e-7), (1.0, 0.02)]
+    for column, (loaded, tolerance) in zip(rng.choice(paths.size, 6), cases, strict=True):
+        step, h = 1e-5 * np.eye(paths.size)[column], loaded * momenta
+        ends = [
+            paths.course(arm, unknowns + side, np.eye(3), h, 0).attitudes[-1]
+            for side in (-step, step)
+        ]
+        turn = Rotation.from_matrix(ends[0].T @ ends[1]).as_rotvec() / 2e-5
+        turns = paths.course(arm, unknowns, np.eye(3), h).turns
+        assert turn == pytest.approx(turns[-1, :, column], rel=tolerance, abs=tolerance)
+
+
+def test_plain_and_compiled_kernels_agree(model: ff.FreeFloatingModel) -> None:
+    """Attitudes with their derivatives along a path, and frames of the bodies."""
+    rng, n = np.random.default_rng(1), model.dof
+    paths = JointPaths(Ends(np.array(START), np.full(n, 0.01), None, None), fineness=1)
+    unknowns = np.append(rng.normal(size=paths.size - 1), 20.0)
+    momenta = np.array([[0.5, -0.3, 0.2], [0.1, 0.0, 0.2]])
+
+    def computed() -> tuple[Any, ...]:
+        course = paths.course(Arm.of(model), unknowns, np.eye(3), momenta)
+        return course.attitudes, course.turns
+
+    compiled = computed()
+    with sources(attitude_kernel, joint_paths):
+        plain = computed()
+    for one, other in zip(compiled, plain, strict=True):
+        np.testing.assert_allclose(one, other, atol=1e-10)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "goal",
+    [ff.Goal(POSE, duration=30.0), ff.Goal(attitude=[0, 0, 0.1305, 0.9914], joints=START)],
+    ids=["pose in a given time", "attitude with the joints back"],
+)  # fmt: skip
+def test_a_goal_is_reached_with_momentum_and_wheels(
+    model: ff.FreeFloatingModel, goal: ff.Goal
+) -> None:
+    system = ff.System(model, momentum=[1.0, -0.5, 0.8], wheels=[0.2, 0.3, 0.0])
+    most = None if goal.attitude is not None else 0.4  # 0.52 rad without that limit
+    result = ff.move(system, STATE, goal, replace(LIMITS, base_turn=most))
+    assert result.feasible
+    assert result.error < 1e-9
+    attitudes = Rotation.from_quat(result.motion.attitudes)
+    assert (attitudes[0].inv() * attitudes).magnitude().max() <= (most or np.pi)
+    motion, final = result.motion, result.motion.final
+    R = attitude_at_end(system, motion)
+    assert Rotation.from_quat(final.attitude).as_matrix() == pytest.approx(R, abs=1e-6)
+    times, joints, rates = dense(motion)
+    assert joints[0] == pytest.approx(START, abs=1e-12)
+    assert np.abs(rates[[0, -1]]).max() < 1e-12
+    assert np.abs(rates).max() <= 0.1 + 1e-9
+    if goal.pose is not None:
+        pose = model.end_effector_pose(Rotation.from_matrix(R).as_quat(), joints[-1])
+        assert pose.position == pytest.approx(POSE.position, abs=1e-6)
+    if goal.attitude is not None:
+        wanted = Rotation.from_quat(goal.attitude).as_matrix()
+        assert pytest.approx(wanted, abs=1e-6) == R
+    assert goal.duration in (None, times[-1])
+
+
+@pytest.mark.slow
+def test_the_end_effector_arrives_with_a_tumbling_body(model: ff.FreeFloatingModel) -> None:
+    inertia, rate, place = np.diag([9.0, 7.0, 4.0]), [0.01, 0.02, 0.03], np.array([1.6, 0.6, 0.5])
+    tumbling = ff.Tumbling(inertia=inertia, rate=rate)
+    body = ff.SceneBody("client", ff.Box([0.4, 0.4, 0.4]), place, motion=tumbling)
+    grapple = np.array([-0.35, 0.0, 0.0])
+    goal = ff.Goal(ff.so3.Pose(grapple, np.eye(3)), frame="client")
+    system, limits = ff.System(model), ff.Limits(joint_rate=np.full(6, 0.1), clearance=0.01)
+    result = ff.move(system, STATE, goal, limits, ff.Scene([body]))
+    assert result.feasible
+
+    def euler(t: float, state: Any) -> Any:
+        R, w = state[:9].reshape(3, 3), state[9:]
+        turn = (R @ np.cross(np.eye(3), w)).ravel()
+        return np.append(turn, np.linalg.solve(inertia, np.cross(inertia @ w, w)))
+
+    start, T = np.append(np.eye(3), rate), result.duration
+    end = solve_ivp(euler, (0.0, T), start, rtol=1e-11, atol=1e-12).y[:, -1]
+    R, step = end[:9].reshape(3, 3), 1e-4
+    poses = [
+        model.end_effector_pose(state.attitude, state.joints)
+        for state in result.motion.sample([T - 2.0 * step, T - step, T])
+    ]
+    assert poses[-1].position == pytest.approx(place + R @ grapple, abs=1e-9)
+    assert poses[-1].rotation == pytest.approx(R, abs=1e-9)
+    a, b, c = (pose.position for pose in poses)
+    velocity = (3.0 * c - 4.0 * b + a) / (2.0 * step)
+    assert velocity == pytest.approx(np.cross(R @ end[9:], R @ grapple), abs=1e-7)
+
+
+@pytest.mark.slow
+def test_why_a_goal_is_not_reached() -> None:
+    model = ff.FreeFloatingModel.from_urdf("planar_2dof")
+    system, state = ff.System(model), ([0.0, 0.0, 0.0, 1.0], [0.3, 0.7])
+    limits = ff.Limits(joint_rate=[0.1, 0.1])
+    far = ff.move(system, state, ff.Goal(ff.so3.Pose([5.0, 0.0, 0.0], np.eye(3))), limits)
+    assert not far.feasible
+    assert "reach" in far.reason
+    turned = ff.Goal(attitude=[0.0, 0.0, 0.1305, 0.9914], duration=30.0)
+    steady = ff.move(system, state, turned, replace(limits, base_turn=0.2))
+    assert (steady.motion, "11.46 deg" in steady.reason) == (None, True)
+    hurried = ff.move(system, state, ff.Goal(joints=[0.6, 0.2], duration=1.0), limits)
+    assert not hurried.feasible
+    assert 5.0 <= hurried.needed["duration"] <= 8.0  # 0.5 rad at 0.1 rad/s, from rest to rest
+
+
+@pytest.mark.parametrize(
+    ("goal", "key"),
+    [({}, "goal"), ({"joints": [0.1, 0.2], "pose": POSE}, "goal"),
+     ({"attitude": [0.0, 0.0, 0.0, 2.0]}, "goal.attitude"),
+     ({"joints": [0.1], "duration": -1.0}, "goal.duration")],
+)  # fmt: skip
+def test_wrong_goals_name_their_key(goal: dict[str, Any], key: str) -> None:
+    assert error_key(ff.Goal, **goal) == key
+
+
+def test_goals_must_suit_the_system() -> None:
+    model = ff.FreeFloatingModel.from_urdf("planar_2dof")
+    system, state = ff.System(model), ([0.0, 0.0, 0.0, 1.0], [0.3, 0.7])
+    for goal, key in (
+        (ff.Goal(joints=[0.1, 0.2, 0.3]), "goal.joints"),
+        (ff.Goal(POSE, frame="nothing"), "goal.pose.frame"),
+        (ff.Goal(joints=[0.1, 0.2]), "goal.duration"),
+    ):
+        assert error_key(ff.move, system, state, goal) == key
+    tilted = [0.1305262, 0.0, 0.0, 0.9914449], state[1]
+    assert error_key(ff.move, system, tilted, ff.Goal(joints=[0.1, 0.2])) == "state.attitude"
+
+
+def test_limits_of_some_rates_or_of_torques_alone_determine_the_duration() -> None:
+    system = ff.System(ff.FreeFloatingModel.from_urdf("planar_2dof"))
+    state, goal = ([0.0, 0.0, 0.0, 1.0], [0.3, 0.05]), ff.Goal(joints=[0.9, 2.4])
+    torques = ff.Limits(joint_torque=[1.0, 1.0])
+    beside = ff.move(system, state, goal, replace(torques, joint_rate=[2.0, 2.0]))
+    alone = ff.move(system, state, goal, torques)
+    assert alone.duration == pytest.approx(beside.duration, rel=0.02)
+    free = ff.move(system, state, ff.Goal(joints=[0.3, 0.55]), ff.Limits(joint_rate=[0.1, np.inf]))
+    assert 0.5 <= free.duration <= 0.6  # at 1 rad/s
+
+
+def test_arms_with_parallel_axes_in_their_own_frames_leave_the_plane() -> None:
+    places = [("0 0 0.5", "0 0 0"), ("0 0 0.5", "1.5708 0 0"), ("0.4 0 0.5", "0 1.2 0")]
+    links = [link_text("bus", inertial_text(90.0, 10.0 * np.eye(3)))]
+    for k, (place, turn) in enumerate(places):
+        links += [joint_text(f"q{k}", "R", f"l{k - 1}" if k else "bus", f"l{k}", place, turn),
+                  link_text(f"l{k}", inertial_text(5.0, np.eye(3), "0.1 0 0.3"))]  # fmt: skip
+    system = ff.System(ff.FreeFloatingModel.from_urdf(f'<robot name="r">{"".join(links)}</robot>'))
+    state, goal = (STATE[0], np.zeros(3)), ff.Goal(joints=[0.2, 0.1, 0.3])
+    result = ff.move(system, state, goal, ff.Limits(joint_rate=np.full(3, 0.1)))
+    assert (result.feasible, result.problem.task) == (True, Task.POSITION)
+
+
+def test_derivatives_of_clearances_and_of_the_end(model: ff.FreeFloatingModel) -> None:
+    """They are those of differences: distances of self and scene, pose and twist of the end."""
+    from freefloat.beyond.missions.goals.goal_motion import goal_problem
+    from freefloat.limits.check import LimitChecker
+
+    tumbling = ff.Tumbling(inertia=[9.0, 7.0, 4.0], rate=[0.0, 0.0, 0.1])
+    body = ff.SceneBody("ball", ff.Sphere(0.2), [1.9, 0.0, 0.8], motion=tumbling)
+    scene, joints = ff.Scene([body]), np.array([0.3, 0.9, -1.05, 0.4, 0.85, 0.3])
+    goal = ff.Goal(joints=joints, duration=10.0)
+    problem = goal_problem(ff.System(model), np.array(STATE[0]), joints, goal, scene)
+    pairs = LimitChecker(problem, ff.Limits(clearance=0.0)).pairs
+    clearances, n = Clearances(problem, pairs, 0.05), model.dof
+    paths = JointPaths(Ends(joints, np.zeros(n), None, np.zeros(n)), fineness=1)
+    unknowns = np.append(np.zeros(paths.size - 1), 10.0)
+    unknowns[-n - 1 : -1] = joints + 0.02
+    target = ff.Goal(POSE, frame="ball").target(problem, np.array(STATE[0]), joints)
+
+    def values(z: Any) -> Any:
+        course = paths.course(Arm.of(model), z, np.eye(3), np.zeros((2, 3)))
+        amounts = clearances.violations(paths, course).amounts
+        return np.append(target.error(paths, course), amounts[amounts > 0.0].sum())
+
+    course = paths.course(Arm.of(model), unknowns, np.eye(3), np.zeros((2, 3)))
+    found = clearances.violations(paths, course)
+    lacking = found.jacobian(paths, course)[found.amounts > 0.0]
+    assert len(lacking) > 3
+    slopes = np.vstack([target.linearized(paths, course)[1], lacking.sum(axis=0)])
+    rng = np.random.default_rng(0)
+    for column in rng.choice(paths.size - 1, 5):
+        step = 1e-3 * np.eye(paths.size)[column]
+        difference = (values(unknowns + step) - values(unknowns - step)) / 2e-3
+        assert slopes[:-1, column] == pytest.approx(difference[:-1], rel=1e-3, abs=1e-4)
+        assert slopes[-1, column] == pytest.approx(difference[-1], rel=0.02, abs=0.1)
+
+
+@pytest.mark.slow
+def test_a_reorientation_keeps_cones_and_torques() -> None:
+    """The short form: an attitude with the joints back."""
+    problem = ff.load_scenario("spatial_6dof/line").problem().replace(momentum=np.zeros(3))
+    cone = ff.PointingLimit("spacecraft", [0, 0, 1], np.radians(40.0), direction=[0, 0, 1])
+    limits = ff.Limits(joint_rate=np.full(6, 0.1), joint_torque=np.full(6, 0.05), pointing=[cone])
+    end = Rotation.from_rotvec([0.0, 0.1, 0.4]).as_quat()
+    result = ff.reorient(problem, STATE[0], end, limits, joints=START)
+    assert result.feasible
+    assert result.error < 1e-9
+    R = Rotation.from_quat(result.motion.attitudes)
+    assert (R.apply([0, 0, 1])[:, 2] >= np.cos(cone.angle) - 1e-9).all()
+    effort = result.motion.law.effort
+    states = result.motion.sample(np.linspace(0.0, result.duration, 50))
+    torques = [effort(x.time, x.attitude, x.joints).joint_torques for x in states]
+    assert np.abs(torques).max() <= 0.05 * (1.0 + 1e-6)
+
+
+def test_wrong_reorientations_name_the_argument() -> None:
+    planar = ff.load_scenario("planar_2dof/line").problem()
+    turned, tilted = [0.0, 0.0, 0.1305262, 0.9914449], [0.1305262, 0.0, 0.0, 0.9914449]
+    wall = ff.SceneBody("wall", ff.Box([9.0, 9.0, 9.0]))
+    inside = planar.replace(scene=ff.Scene([wall]))
+    limits = ff.Limits(joint_rate=[0.1, 0.1], clearance=0.01)
+    for problem, start, end, key in (
+        (planar, turned, turned, "to"),
+        (planar, tilted, turned, "from"),
+        (inside, STATE[0], turned, "joints"),
+    ):
+        assert error_key(ff.reorient, problem, start, end, limits, joints=[0.3, 0.7]) == key

@@ -1,0 +1,203 @@
+"""Manoeuvres: every phase begins with the state at which the one before ends."""
+
+from __future__ import annotations
+
+from contextlib import nullcontext
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import freefloat as ff
+from freefloat.beyond.missions.phases import manoeuvre_planner
+from freefloat.beyond.missions.phases.manoeuvre import Manoeuvre
+from freefloat.beyond.missions.phases.state import SystemState
+from freefloat.certificate.certificate import certify
+from freefloat.paths.time_laws import TimeLaw
+from freefloat.planning.simulated_branch import branch_at
+from freefloat.rotations import rotation_matrix
+from freefloat.so3 import Pose, angle_between
+from tests.errors import error_key
+
+GRAPPLE = np.array([0.5, 1.2, 0.0])
+SPIN = np.array([0.0, 0.0, 0.02])
+CLIENT = ff.SceneBody(
+    "client", ff.Sphere(0.1), position=GRAPPLE, motion=ff.Tumbling([0.1, 0.1, 0.1], SPIN)
+)
+BACK = ff.Goal(Pose(np.array([0.1, 0.1, 0.0]), np.eye(3)), frame="end_effector", duration=20.0)
+PHASES = [
+    ff.CapturePhase("client", 3.0),
+    ff.GoalPhase(ff.Goal(joints=[0.4, 1.2], duration=25.0), "berth"),
+    ff.PathPhase(BACK, "back"),
+]
+SEARCH = ff.Search("nearest", [0.0, 0.0, 0.0, 1.0], joints=[0.5, 0.8])
+LIMITS = ff.Limits(joint_rate=[0.5, 0.5])
+
+
+@pytest.fixture(scope="module")
+def problem() -> ff.Problem:
+    problem = ff.load_scenario("planar_2dof/line").problem()
+    return replace(problem, scene=ff.Scene((CLIENT,)))
+
+
+@pytest.fixture(scope="module")
+def state(problem: ff.Problem) -> SystemState:
+    """At the end of the first path."""
+    motion = ff.simulate(problem, heading=0.45).chosen.motion
+    return SystemState.at_start(motion).after(motion)
+
+
+@pytest.fixture(scope="module")
+def progress() -> list[float]:
+    """The fractions that were reported while the manoeuvre was planned."""
+    return []
+
+
+@pytest.fixture(scope="module")
+def manoeuvre(problem: ff.Problem, progress: list[float]) -> Manoeuvre:
+    report = progress.append
+    return ff.plan_manoeuvre(problem, PHASES, SEARCH, LIMITS, reorient=True, progress=report)
+
+
+def test_a_manoeuvre_leads_from_the_present_state_through_all_phases(manoeuvre, progress) -> None:
+    assert manoeuvre.feasible
+    assert progress == sorted(progress)
+    assert 0.5 < progress[0] < progress[-1] < 0.9
+    names = ["reorientation", "path", "capture", "berth", "back"]
+    assert [phase.name for phase in manoeuvre.phases] == names
+    first, last = manoeuvre.phases[0].motion, manoeuvre.phases[-1].motion
+    np.testing.assert_allclose(first.initial.attitude, [0.0, 0.0, 0.0, 1.0], atol=1e-6)
+    np.testing.assert_allclose(first.initial.joints, [0.5, 0.8], atol=1e-12)
+    ends = [phase.start + phase.duration for phase in manoeuvre.phases]
+    starts = [phase.start for phase in manoeuvre.phases]
+    np.testing.assert_allclose(ends[:-1], starts[1:], atol=1e-9)
+    before = manoeuvre.phases[-2].motion
+    there = before.problem.model.end_effector_pose(before.final.attitude, before.final.joints)
+    goal = there @ BACK.pose
+    model, final = last.problem.model, last.final
+    reached = model.end_effector_pose(final.attitude, final.joints).position
+    np.testing.assert_allclose(reached, goal.position, atol=1e-8)
+
+
+def test_a_captured_body_brings_its_momentum_along(manoeuvre) -> None:
+    """Conservation: the robot at rest, the client of 3 kg on its circle, about the new centre."""
+    path, capture = manoeuvre.path.chosen.motion, manoeuvre.phases[2].result
+    np.testing.assert_allclose(path.problem.momentum, 0.0)
+    client, robot = 3.0, path.problem.model.total_mass
+    centre = client / (client + robot) * GRAPPLE
+    np.testing.assert_allclose(capture.centre_of_mass, centre, atol=1e-9)
+    np.testing.assert_allclose(capture.momentum, 0.1 * SPIN, atol=1e-12)  # its centre is at rest
+
+
+def test_joint_rates_are_handed_on_after_an_impulse(manoeuvre) -> None:
+    """The client spins, the end-effector does not: the joints move after contact."""
+    capture, berth = manoeuvre.phases[2].result, manoeuvre.phases[3].motion
+    assert np.linalg.norm(capture.impulse) > 1e-5
+    assert np.abs(capture.joint_rates).max() > 1e-4
+    step = 1e-3
+    _, _, joints = berth.evaluate(berth.coordinates_at(step * np.arange(3)))
+    rates = np.array([-1.5, 2.0, -0.5]) @ joints / step
+    np.testing.assert_allclose(rates, capture.joint_rates, atol=1e-6)
+
+
+@pytest.mark.parametrize("frame", ["inertial", "spacecraft", "base", "end_effector"])
+def test_a_pose_goal_is_reached_in_its_frame(problem, state: SystemState, frame: str) -> None:
+    model, R = problem.model, rotation_matrix(state.attitude)
+    axes = np.eye(3) if frame == "inertial" else R
+    origin = np.zeros(3) if frame == "inertial" else model.base_position(
+        state.attitude, state.joints)  # fmt: skip
+    if frame == "end_effector":
+        origin, axes = state.pose.position, state.pose.rotation
+    point = axes.T @ (state.pose.position - origin + np.array([0.05, -0.02, 0.0]))
+    goal = ff.Goal(Pose(point, axes.T), frame=frame, duration=10.0)
+    path = ff.PathPhase(goal).problem_at(state).path
+    np.testing.assert_allclose(path.pose(10.0).position, origin + axes @ point, atol=1e-12)
+    np.testing.assert_allclose(path.twist(10.0), 0.0, atol=1e-12)
+
+
+def test_a_margin_is_required_of_later_paths(state: SystemState) -> None:
+    assert PHASES[1].problem_at(state).path.duration == 25.0
+    limits = replace(LIMITS, clearance="off")  # the second link passes through the spacecraft
+    found = ff.PathPhase(BACK).run(state, limits)
+    assert found.limit_results == ff.check_limits(found.chosen.motion, limits)
+    assert found.certificate.to_dict() == certify(found.chosen.motion).to_dict()
+    margin = found.chosen.minimum_margin
+    for factor, feasible in ((0.99, True), (1.01, False)):
+        back = ff.PathPhase(BACK, "back", margin=factor * margin)
+        assert back.run(state, limits).feasible is feasible
+
+
+def test_a_path_that_begins_elsewhere_is_refused(problem: ff.Problem) -> None:
+    line = ff.paths.PolynomialCurve.line([0.0, 0.0, 0.0], [1.0, 0.0, 0.0])
+    last = ff.PathPhase(ff.TimedPath(ff.EndEffectorPath(line), ff.Timing(10.0)), "last")
+    assert error_key(ff.plan_manoeuvre, problem, [PHASES[1], last]) == "phases.1.path"
+
+
+@pytest.mark.parametrize(("turn", "shift", "limits", "duration", "feasible"), [
+    (0.9e-9, 0.9e-9, LIMITS, None, True), (0.1, 0.0, LIMITS, None, False),
+    (1.2e-9, 0.0, LIMITS, "any", True), (0.0, 1.2e-9, ff.Limits(), 30.0, True),
+])  # fmt: skip
+def test_a_reorientation_is_needed_only_where_the_state_is_another(
+    problem, manoeuvre, monkeypatch, turn, shift, limits, duration, feasible
+) -> None:
+    """It takes as long as the path, which is feasible, where no limit depends on the speed."""
+
+    def arrived(*_: Any, duration: float | None, seed: int, **__: Any) -> None:
+        raise TimeoutError("any" if duration is None else duration, seed)
+
+    monkeypatch.setattr(manoeuvre_planner, "plan", lambda *_, **__: path)
+    monkeypatch.setattr("freefloat.beyond.missions.goals.arrival.arrive", arrived)
+    path, start = replace(manoeuvre.path, feasible=feasible), manoeuvre.path.chosen.motion.initial
+    turned = Rotation.from_quat(start.attitude) * Rotation.from_rotvec([0.0, 0.0, turn])
+    joints = start.joints + np.array([0.0, shift])
+    search = ff.Search("nearest", turned.as_quat(), joints=joints, seed=7)
+    with pytest.raises(TimeoutError, match=f"{duration}.*7") if duration else nullcontext():
+        found = ff.plan_manoeuvre(problem, [PHASES[2]][feasible:], search, limits, reorient=True)
+        assert [phase.kind for phase in found.phases] == ["path"]
+
+
+def test_the_branch_of_a_further_path_is_that_of_its_joints(problem: ff.Problem) -> None:
+    chosen = ff.simulate(problem, heading=0.45).chosen
+    state, turns = chosen.motion.initial, np.array([2.0 * np.pi, -2.0 * np.pi])
+    labels = chosen.branch.label, chosen.branch.label, "given"
+    for difference, label in zip((0.0, 5e-7, 2e-6), labels, strict=True):
+        joints = state.joints + turns + np.array([difference, 0.0])
+        branch = branch_at(problem, state.attitude, joints)
+        assert (branch.label, branch.index == chosen.branch.index) == (label, label != "given")
+        np.testing.assert_array_equal(branch.joints, joints)
+
+
+def test_a_state_moves_with_the_path(problem: ff.Problem) -> None:
+    """Also where the centre of mass drifts, and the path begins and ends in motion."""
+    timing, drift = ff.Timing(30.0, TimeLaw.UNIFORM), np.array([0.002, -0.003, 0.0])
+    path = ff.TimedPath(problem.path.path, timing, drift)
+    moving = problem.replace(path=path, start_joints=[0.4, 1.2])
+    motion = ff.simulate(moving, heading=0.45).chosen.motion
+    start = SystemState.at_start(motion)
+    for state, t in (start, 0.0), (start.after(motion), 30.0):
+        assert (state.time, state.problem.start_joints) == (t, None)
+        np.testing.assert_allclose(state.centre, t * drift, atol=1e-15)
+        twist = path.twist(t) + path.drift_twist
+        np.testing.assert_allclose(state.twist[:3], twist[:3], atol=1e-7)
+        np.testing.assert_allclose(state.pose.position, path.pose(t).position, atol=1e-7)
+
+
+@pytest.mark.slow
+def test_the_motion_before_a_path_arrives_with_its_state(problem: ff.Problem) -> None:
+    """With momentum and joint rates: the path does not begin at rest."""
+    timing = replace(problem.path.timing, law=TimeLaw.UNIFORM)
+    drifting = problem.replace(
+        momentum=[0.0, 0.0, 0.02], path=replace(problem.path, timing=timing)
+    )  # fmt: skip
+    found = ff.plan_manoeuvre(drifting, (), SEARCH, LIMITS, reorient=True)
+    assert found.feasible, found.reason
+    arrived, path = found.phases[0], found.path.chosen.motion
+    assert angle_between(arrived.motion.final.attitude, path.initial.attitude) < 1e-9
+    rates = path.law.rates(0.0, path.initial.attitude, path.initial.joints).joints
+    assert np.abs(rates).max() > 0.01
+    np.testing.assert_allclose(arrived.result.goal.joint_rates, rates, atol=1e-12)
+    assert arrived.result.error < 1e-9
+    report = ff.check(found)
+    assert report.passed, report.discrepancies

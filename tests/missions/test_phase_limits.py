@@ -1,0 +1,101 @@
+"""Limits of phases: one checker for paths and prescribed joints, the scene in all."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import freefloat as ff
+from freefloat.beyond.missions.phases.manoeuvre import Manoeuvre
+from freefloat.limits.kinds import KINDS
+from freefloat.motion.scene_poses import scene_poses
+
+BODY = ff.SceneBody("client", ff.Sphere(0.1), position=[2.5, 1.2, 0.0])
+AROUND = ff.Corridor([0.0, 0.0, 0.0], [0.0, 0.0, 1.0], radius=5.0)
+LIMITS = ff.Limits(
+    joint_rate=[0.5, 0.5],
+    joint_torque=[50.0, 50.0],
+    base_rate=1.0,
+    base_turn=3.0,
+    clearance=0.01,
+    pointing=[ff.PointingLimit("end_effector", [0, 0, 1], 0.1, direction=[0, 0, 1])],
+)
+EVERY = {kind.name for kind in KINDS} - {"joint_range"}  # its joints are continuous
+EXPECTED = {"path": EVERY, "goal": EVERY - {"base_turn"}}
+BERTH = ff.GoalPhase(ff.Goal(joints=[0.4, 1.2], duration=30.0))
+PRESENT = ff.Search("nearest", [0.0, 0.0, 0.0, 1.0], joints=[0.5, 0.8])
+
+
+@pytest.fixture(scope="module")
+def problem() -> ff.Problem:
+    problem = ff.load_scenario("planar_2dof/line").problem()
+    path = replace(problem.path, drift=[0.001, -0.002, 0.0])
+    return problem.replace(path=path, limits=None)
+
+
+@pytest.fixture(scope="module")
+def manoeuvre(problem: ff.Problem) -> Manoeuvre:
+    around = problem.replace(scene=ff.Scene((BODY,), AROUND))
+    return ff.plan_manoeuvre(around, [BERTH], PRESENT, LIMITS, reorient=True)
+
+
+@pytest.mark.slow
+def test_every_phase_reports_what_the_checker_finds(manoeuvre: Manoeuvre) -> None:
+    assert manoeuvre.feasible, manoeuvre.reason
+    kinds = [phase.kind for phase in manoeuvre.phases]
+    assert kinds == ["goal", "path", "goal"]
+    for phase in manoeuvre.phases:
+        result = phase.result
+        assert {entry.limit for entry in result.limit_results} == EXPECTED[phase.kind]
+        assert result.limit_results == ff.check_limits(phase.motion, result.limits)
+
+
+@pytest.mark.slow
+def test_the_scene_stays_where_it_is_while_the_centre_of_mass_drifts(manoeuvre: Manoeuvre) -> None:
+    for phase in manoeuvre.phases:
+        problem = phase.motion.problem
+        for t in (0.0, problem.path.duration):
+            centre = phase.centre + t * problem.path.drift
+            (body,) = problem.scene.poses(t, problem.path)
+            corridor = problem.scene.corridor_pose(t, problem.path)
+            axis = corridor.position + problem.scene.corridor.point
+            np.testing.assert_allclose(body.position + centre, BODY.position, atol=1e-12)
+            np.testing.assert_allclose(axis + centre, AROUND.point, atol=1e-12)
+
+
+@pytest.mark.slow
+def test_a_held_body_moves_with_the_end_effector_of_free_orientation(problem: ff.Problem) -> None:
+    """Along a path of positions and along joints, from where the rod is captured."""
+    end = problem.path.path.pose(1.0).position
+    rod = ff.SceneBody("client", ff.Box([0.8, 0.1, 0.1]), end + np.array([0.3, 0.2, 0.0]))
+    line = ff.Goal(ff.so3.Pose(end - np.array([0.0, 0.2, 0.0]), np.eye(3)), duration=20.0)
+    phases = [ff.CapturePhase("client", 3.0, [0.1, 0.2, 0.2]), ff.PathPhase(line), BERTH]
+    around = problem.replace(scene=ff.Scene((rod,)))
+    touching = ff.Limits(clearance="off")  # the second link passes through the spacecraft
+    _, _, *after = ff.plan_manoeuvre(around, phases, limits=touching).phases
+    offsets = []
+    for motion in (phase.motion for phase in after):
+        for state in (motion.initial, motion.final):
+            hand = motion.problem.model.end_effector_pose(state.attitude, state.joints)
+            (pose,) = scene_poses(motion, state.time, state.attitude, state.joints)
+            offsets.append((hand.inverse() @ pose).position)
+            if len(offsets) == 1:
+                np.testing.assert_allclose(pose.position + after[0].centre, rod.position, atol=1e-6)
+    np.testing.assert_allclose(offsets, [offsets[0]] * 4, atol=1e-9)
+
+
+@pytest.mark.slow
+def test_a_motion_of_joints_out_of_the_corridor_is_infeasible(problem: ff.Problem) -> None:
+    """The path itself is the axis of the corridor."""
+    start, end = problem.path.path.pose(0.0).position, problem.path.path.pose(1.0).position
+    narrow = ff.Scene((), ff.Corridor(start, end - start, radius=0.01))
+    around = problem.replace(scene=narrow)
+    found = ff.plan_manoeuvre(around, [BERTH], PRESENT, reorient=True)
+    assert not found.feasible
+    assert found.reason.startswith("reorientation")
+    assert "corridor of end_effector" in found.reason
+    assert [phase.feasible for phase in found.phases] == [False, True]
+    (left,) = (phase for phase in found.phases if not phase.feasible)
+    assert (left.name, left.start) == ("reorientation", -(left.duration or 0.0))
