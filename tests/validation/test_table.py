@@ -177,3 +177,35 @@ def test_ranges_narrower_than_the_spacing_of_samples_are_found() -> None:
         assert not kept.all()
         depths = [ranges[branch].depth(heading) for heading in headings.tolist()]
         np.testing.assert_array_equal(kept, np.array(depths) >= 0.0)
+
+
+@pytest.mark.parametrize("number", [0, 2, 3])
+def test_a_capture_conserves_what_a_table_does_not_carry(number: int) -> None:
+    problem, attitude, joints, _ = on_table(number)
+    problem = problem.replace(wheel_momentum=[0.0, 0.0, 0.0])
+    rng = np.random.default_rng(number)
+    turn, velocity = 0.1 * rng.normal(size=3), 0.05 * rng.normal(size=3)
+    client = ff.Client(30.0, [2.0, 3.0, 2.5], angular_velocity=turn, velocity=velocity)
+    rates = 0.05 * rng.normal(size=problem.model.dof)
+    after = ff.capture(problem.system, client, attitude, joints, rates)
+    base = after.system.base_rate(attitude, joints, after.joint_rates)
+    np.testing.assert_allclose(after.base_rate, base, atol=1e-12)
+    assert not after.momentum[:2].any()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("goal", [
+    {"attitude": [0, 0, 0.17364818, 0.98480775]},
+    {"pose": {"position": [0.7, 0.3, 0.8], "orientation": {"rpy": [0, 1.2, 0.3]}}},
+])  # fmt: skip
+def test_motions_to_goals_on_a_table_are_verified(goal: dict[str, object]) -> None:
+    robot = ff.load_scenario("ur5_servicer/table").content.robot.model_dump(exclude_unset=True)
+    joints = [-0.46, -0.85, 1.4, 2.6, -0.93, 1.57]
+    search = {"from_attitude": [0, 0, 0, 1], "joints": joints}
+    limits = {"joint_rate": 0.3, "clearance": False}
+    found = ff.load_scenario(
+        {"robot": robot, "goal": goal, "search": search, "limits": limits}
+    ).plan()
+    assert found.feasible, found.reason
+    assert np.abs(found.motion.attitudes[:, :2]).max() < 1e-12
+    assert ff.check(found, "mujoco").passed

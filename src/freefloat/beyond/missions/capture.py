@@ -14,13 +14,21 @@ from typing import Annotated, Any
 import numpy as np
 import numpy.typing as npt
 
-from freefloat.dynamics.momentum import end_effector_jacobian, mass_matrix, momentum_map
+from freefloat.dynamics.momentum import (
+    CARRIED,
+    conserved_inertias,
+    end_effector_jacobian,
+    mass_matrix,
+)
 from freefloat.dynamics.system import System
 from freefloat.errors import InputError, finite_vector, require_type
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.parts import Mount, Payload
 from freefloat.rotations import rotation_matrix
 from freefloat.so3 import Array, frozen, unit_quaternion, zeros
+
+_LEVEL = np.array([1.0, 1.0, 0.0])
+"""Factors of coordinates that leave the horizontal ones."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,7 +169,11 @@ def capture(
     arm = pose.rotation @ body.com  # from the end-effector to the client's centre of mass
     J = end_effector_jacobian(model, q, a)
     mismatch = J @ before - np.concatenate([client.velocity - np.cross(omega, arm), omega])
-    M_inverse = np.linalg.inv(mass_matrix(model, q))
+    M, free = mass_matrix(model, q), np.ones(6 + model.dof, dtype=bool)
+    free[CARRIED] = not model.on_table
+    moving = np.ix_(free, free)
+    M_inverse = np.zeros_like(M)
+    M_inverse[moving] = np.linalg.inv(M[moving])
     impulse = -np.linalg.solve(
         J @ M_inverse @ J.T + _mobility(client.mass, axes @ client.inertia @ axes.T, arm), mismatch
     )
@@ -177,8 +189,11 @@ def capture(
         + client.mass * np.cross(place - centre, client.velocity - common)
     )  # fmt: skip
     new = _with_payload(model, body)
-    D = R @ momentum_map(new, q)[3:, 3:6] @ R.T
+    D = R @ conserved_inertias(new, q)[0] @ R.T
     moments = np.linalg.eigvalsh(D)
+    if model.on_table:  # which carries the rest
+        H, centre, common = H * [0.0, 0.0, 1.0], centre * _LEVEL, common * _LEVEL
+        moments = D[2:, 2]
     size, wheels = float(np.linalg.norm(H)), float(np.linalg.norm(system.wheels))
     locked = np.linalg.solve(D, H - R @ system.wheels)
     return Capture(
@@ -207,6 +222,7 @@ def _mobility(mass: float, inertia: Array, arm: Array) -> Array:
 def _with_payload(model: FreeFloatingModel, payload: Payload) -> FreeFloatingModel:
     """The robot with a payload at its end-effector."""
     loaded = FreeFloatingModel.from_urdf(
-        model.description.text, model.end_effector, fixed_joints=model.fixed_joints, payload=payload
-    )
+        model.description.text, model.end_effector, fixed_joints=model.fixed_joints,
+        payload=payload, base=model.base,
+    )  # fmt: skip
     return replace(loaded, description=replace(loaded.description, source=model.description.source))

@@ -18,7 +18,7 @@ from freefloat.beyond.missions.phases.manoeuvre import Manoeuvre
 from freefloat.beyond.missions.phases.phase import PATH, REORIENTATION
 from freefloat.beyond.missions.phases.prescribed_path import JUMP
 from freefloat.beyond.missions.phases.state import SystemState
-from freefloat.dynamics.momentum import momentum_map
+from freefloat.dynamics.momentum import conserved, momentum_map
 from freefloat.limits.limits import Limits
 from freefloat.motion.motion import Motion, State
 from freefloat.planning.answer import PhaseResult
@@ -180,7 +180,7 @@ def _joint_checks(
 
 def _capture_checks(phase: PhaseResult, result: Capture, state: _State) -> Iterator[Check]:
     """The momentum is that of the new robot at its rates."""
-    A = momentum_map(result.model, state.joints, state.attitude)
+    A = conserved(result.model, momentum_map(result.model, state.joints, state.attitude))
     omega = rotation_matrix(state.attitude).T @ result.base_rate
     rates = np.concatenate([omega, result.joint_rates])
     linear = result.model.total_mass * result.velocity

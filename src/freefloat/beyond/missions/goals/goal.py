@@ -83,7 +83,7 @@ class Goal:
         """Raise an InputError where the goal does not suit robot, task and scene."""
         if self.joints is not None:
             require_inside(problem.model, self.joints, "goal.joints")
-        if self.attitude is not None and problem.task.planar:
+        if self.attitude is not None and problem.has_headings:
             problem.attitude(self.attitude, key="goal.attitude")
         bodies = [body.name for body in problem.scene.bodies if body.motion != "target"]
         known = [*FRAMES, *bodies]

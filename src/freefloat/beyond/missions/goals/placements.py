@@ -15,6 +15,9 @@ from freefloat.dynamics.tasks import Task
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array, BoolArray, IntArray
 
+_LEVEL = np.array([1.0, 1.0, 0.0])
+"""Factors of coordinates that leave the horizontal ones."""
+
 
 @dataclass(frozen=True, eq=False)
 class Arm:
@@ -52,7 +55,7 @@ class Placements(NamedTuple):
         rotations: Rotations of the bodies' frames, shape (K, 1 + n, 3, 3).
         origins: Origins of these [m], shape (K, 1 + n, 3).
         axes: Axes of the joints, shape (K, n, 3).
-        centres: Centres of mass of the system [m], shape (K, 3).
+        centres: Centres of mass of the system, on a table below or above them [m], shape (K, 3).
         centre_rates: Their derivatives by the joints, shape (K, 3, n).
     """
 
@@ -69,12 +72,15 @@ class Placements(NamedTuple):
         x, axes, points, P = np.moveaxis(frames, 2, 0)
         turned = np.stack([x, np.cross(axes, x), axes], axis=-1)
         moved = np.where(arm.prismatic[:, None], axes, np.cross(axes, centres[:, None] - points))
+        rates = (moved - P / arm.mass).swapaxes(1, 2)
+        if arm.robot.on_table:  # origins are at the height of the spacecraft
+            centres, rates = centres * _LEVEL, rates * _LEVEL[:, None]
         origins = points + (turned @ arm.origins[..., None])[..., 0]
         first = np.broadcast_to(np.eye(3), (len(joints), 1, 3, 3))
         return cls(
             np.concatenate([first, turned @ arm.rotations], axis=1),
             np.concatenate([0.0 * centres[:, None], origins], axis=1),
-            axes, centres, (moved - P / arm.mass).swapaxes(1, 2),
+            axes, centres, rates,
         )  # fmt: skip
 
     def taken(self, rows: IntArray) -> Placements:

@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from freefloat.dynamics.momentum import system_matrix
+from freefloat.dynamics.momentum import conserved_inertias, system_matrix
 from freefloat.dynamics.tasks import Task
 from freefloat.motion.problem import Problem
+from freefloat.robot.model import FreeFloatingModel
 from freefloat.rotations import Rotation
 from freefloat.scene.scene_body import SceneBody
 from freefloat.so3 import UPRIGHT, Array, Pose, rotation_vector_between
@@ -118,10 +119,12 @@ class Target:
 
     def _twist(self, end: EndState) -> Array:
         """Twist of the end-effector relative to the centre of mass, inertial axes, shape (6,)."""
-        system, A = self.problem.system, system_matrix(self.problem.model, end.joints)
-        (D, Dq), h = np.hsplit(A[:3], [3]), end.attitude.T @ system.momentum - system.wheels
+        system = self.problem.system
+        D, Dq = conserved_inertias(system.model, end.joints)
+        h = end.attitude.T @ system.momentum - system.wheels
         omega = np.linalg.solve(D, h - Dq @ end.joint_rates)  # (3)
-        return _rotated(end.attitude, A[3:] @ np.concatenate([omega, end.joint_rates]))
+        J = _pose_jacobian(system.model, end.joints)
+        return _rotated(end.attitude, J @ np.concatenate([omega, end.joint_rates]))
 
     @cached_property
     def _goal(self) -> Callable[[float], tuple[Pose, Array]]:
@@ -168,7 +171,7 @@ class Target:
             turned = _vector_rates(rotation_vector_between(self.attitude, R)) @ R
             parts.append(np.column_stack([turned, np.zeros((3, 2 * n))]))
         if self.pose is not None:
-            J = _rotated(R, system_matrix(self.problem.model, end.joints)[3:])
+            J = _rotated(R, _pose_jacobian(self.problem.model, end.joints))
             goal, _ = self._goal(end.time)
             turn = rotation_vector_between(goal.rotation, self._pose(end).rotation)
             J[3:] = _vector_rates(turn) @ J[3:]
@@ -188,6 +191,12 @@ class Target:
             for step in _STEP * np.eye(3 + 2 * n)
         )  # fmt: skip
         return np.array([(self._twist(changed) - here) / _STEP for changed in ends]).T
+
+
+def _pose_jacobian(model: FreeFloatingModel, joints: Array) -> Array:
+    """The end-effector's twist by the spacecraft's angular velocity and joint rates, (6, 3 + n)."""
+    rows = system_matrix(model, joints)[-6:]
+    return np.column_stack([np.zeros((6, 3 + model.dof - rows.shape[1])), rows])
 
 
 def _rotated(R: Array, twist: Array) -> Array:
