@@ -56,8 +56,8 @@ def test_the_slope_is_that_of_differences(rng, chain, task):
     for system, joints, c, x in states(rng, chain, task, 4):
         rates, h = chebyshev.chebval(x, chebyshev.chebder(c)), 1e-5
         q = joints(x)
-        ahead, behind = system.matrix(q + h * rates), system.matrix(q - h * rates)
-        slope = system.slope(q, rates)
+        (ahead, _), (behind, _) = (system.matrices(q + k * rates, rates) for k in (h, -h))
+        _, slope = system.matrices(q, rates)
         np.testing.assert_allclose(
             slope, (ahead - behind) / (2.0 * h), atol=1e-8 * np.abs(slope).max()
         )
@@ -74,7 +74,8 @@ def test_second_derivatives_of_every_block_are_bounded(rng):
     for chain, task in ROBOTS:
         for system, joints, c, x in states(rng, chain, task, 4):
             h, k = 1e-3, system.base
-            before, now, after = (system.matrix(joints(place)) for place in (x - h, x, x + h))
+            places = np.array([joints(place) for place in (x - h, x, x + h)])
+            before, now, after = system.matrices(places, np.zeros_like(places))[0]
             second = (before - 2.0 * now + after) / h**2
             w, change = (
                 system.joint_speed(chebyshev.chebval(x, chebyshev.chebder(c, order)))

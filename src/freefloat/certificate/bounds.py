@@ -141,7 +141,7 @@ class _MatrixBounds:
     def bounds(self, intervals: Intervals) -> dict[str, Array]:
         """Bounds of each measure on intervals, shape (K,); nan where nothing is known."""
         joints, rates = (intervals.values(c) for c in (self._joints, self._rates))
-        A, slope = self._system.matrix(joints), self._system.slope(joints, rates)
+        A, slope = self._system.matrices(joints, rates)
         whole, D = self._second_derivatives[intervals.panels].T
         about = partial(
             _Neighbourhood.about, A, slope, self._system.base, intervals.half, (whole, D)
@@ -247,8 +247,11 @@ class _Neighbourhood:
 
 
 def _norm(matrices: Array) -> Array:
-    """Largest singular values of matrices (..., r, c)."""
-    return np.asarray(np.linalg.svd(matrices, compute_uv=False)[..., 0])
+    """Largest singular values of matrices (..., r, c); their squares are eigenvalues."""
+    across = matrices.swapaxes(-1, -2)
+    wide = matrices.shape[-1] > matrices.shape[-2]
+    squares = np.linalg.eigvalsh(matrices @ across if wide else across @ matrices)
+    return np.asarray(np.sqrt(squares[..., -1]))
 
 
 def _frobenius(matrices: Array) -> Array:

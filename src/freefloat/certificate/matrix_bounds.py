@@ -51,7 +51,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from freefloat.dynamics.measures import unit_factors, unit_of_length
-from freefloat.dynamics.momentum import system_matrix, system_matrix_derivative
+from freefloat.dynamics.momentum import system_matrix_with_derivative
 from freefloat.dynamics.tasks import Task, base_rotations
 from freefloat.motion.extrema import joint_extents
 from freefloat.motion.motion import Motion
@@ -117,13 +117,13 @@ class ScaledSystem:
         self.rows = np.append(np.full(self.base, 1.0 / unit), rows)
         self.columns = np.append(np.ones(self.base), columns)
 
-    def matrix(self, joints: Array) -> Array:
-        """A without units at joints (n,) or (K, n), shape (base + m, base + n) or a stack of it."""
-        return self._scaled(system_matrix(self._model, joints, self._task))
+    def matrices(self, joints: Array, rates: Array) -> tuple[Array, Array]:
+        """A without units at joints (n,) or (K, n), and its derivative while they move at rates.
 
-    def slope(self, joints: Array, rates: Array) -> Array:
-        """The derivative of :meth:`matrix` while the joints move at rates of their shape."""
-        return self._scaled(system_matrix_derivative(self._model, joints, rates, self._task))
+        Both have the shape (base + m, base + n), or are stacks of it.
+        """
+        A, slope = system_matrix_with_derivative(self._model, joints, rates, self._task)
+        return self._scaled(A), self._scaled(slope)
 
     def _scaled(self, A: Array) -> Array:
         return np.asarray(self.rows[:, None] * A * self.columns)

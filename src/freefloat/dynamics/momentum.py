@@ -173,6 +173,11 @@ def system_matrix(
     A_G, J = stacked(lambda q: _maps(model, q, task), joints)
     J = J[..., prescribed_rows(model, task), :]
     J = J[..., 3:] - J[..., :3] @ (A_G[..., :3, 3:] / model.total_mass)
+    return _system_rows(model, task, A_G, J)
+
+
+def _system_rows(model: FreeFloatingModel, task: Task, A_G: Array, J: Array) -> Array:
+    """The rows of (5), or their derivatives, those of momentum from the centroidal matrix."""
     A = np.concatenate([A_G[..., 3:, 3:], J], axis=-2)
     k = base_rotations(model, task)
     return A[..., 3 - k :, 3 - k :]
@@ -198,18 +203,22 @@ def system_matrix_derivative(
     Raises:
         InputError: As :func:`system_matrix`; if the rates have another shape than the joints.
     """
-    task = applicable(model, task)
+    return system_matrix_with_derivative(model, joints, rates, applicable(model, task))[1]
+
+
+def system_matrix_with_derivative(
+    model: FreeFloatingModel, joints: npt.ArrayLike, rates: npt.ArrayLike, task: Task
+) -> tuple[Array, Array]:
+    """:func:`system_matrix` and :func:`system_matrix_derivative` from the same kinematics."""
     if np.shape(rates) != np.shape(joints):
         problem = f"shape {np.shape(rates)} was given"
         raise InputError("rates", problem, f"the shape of the joints, {np.shape(joints)}")
     A_G, J, dA_G, dJ = _map_derivatives(model, joints, rates, task)
-    mass = model.total_mass
-    rows = prescribed_rows(model, task)
+    rows, linear = prescribed_rows(model, task), A_G[..., :3, 3:] / model.total_mass
     J, dJ = J[..., rows, :], dJ[..., rows, :]
-    dJ = dJ[..., 3:] - (dJ[..., :3] @ A_G[..., :3, 3:] + J[..., :3] @ dA_G[..., :3, 3:]) / mass
-    dA = np.concatenate([dA_G[..., 3:, 3:], dJ], axis=-2)
-    k = base_rotations(model, task)
-    return dA[..., 3 - k :, 3 - k :]
+    dJ = dJ[..., 3:] - dJ[..., :3] @ linear - J[..., :3] @ (dA_G[..., :3, 3:] / model.total_mass)
+    J = J[..., 3:] - J[..., :3] @ linear
+    return _system_rows(model, task, A_G, J), _system_rows(model, task, dA_G, dJ)
 
 
 def generalized_jacobian(

@@ -19,13 +19,12 @@ from numpy.polynomial import chebyshev
 from freefloat.errors import InputError
 from freefloat.motion.joint_spline import JointSpline
 from freefloat.motion.law import JointLaw, Law, PathLaw
-from freefloat.motion.panels import DEGREE, NODES, TO_COEFFICIENTS
+from freefloat.motion.panels import DEGREE, NODES, TO_COEFFICIENTS, parameters_at
 from freefloat.motion.problem import Problem
 from freefloat.motion.residuals import Residuals, momentum_errors, path_errors
 from freefloat.records import Joints, Quaternions, Times, derived
 from freefloat.so3 import Array, IntArray, frozen
 
-_BISECTIONS = 60
 _LARGEST = 1e12
 """Largest number in a motion."""
 _ROUNDING = 1e-9
@@ -233,7 +232,7 @@ class Motion:
         return float(np.clip(self.evaluate(u)[0][0], self.times.min(), self.times.max()))
 
     def coordinates_at(self, times: npt.ArrayLike) -> Array:
-        """Panel coordinates at which the motion is at given times [s], by bisection, shape (K,).
+        """Panel coordinates at which the motion is at given times [s], shape (K,).
 
         Raises:
             InputError: If a time lies outside the motion.
@@ -246,13 +245,11 @@ class Motion:
                 f"{first:g} to {last:g} s, where the motion is known",
             )  # fmt: skip
         sign = 1.0 if self.times[-1] >= self.times[0] else -1.0
-        low = np.searchsorted(sign * self.times[DEGREE:-1:DEGREE], sign * times).astype(float)
-        high = low + 1.0
-        for _ in range(_BISECTIONS):
-            middle = (low + high) / 2.0
-            early = sign * self.evaluate(middle)[0] < sign * times
-            low, high = np.where(early, middle, low), np.where(early, high, middle)
-        u = np.where(times == self.times[0], 0.0, (low + high) / 2.0)
+        if not self.panels:
+            return np.zeros(len(times))
+        panel = np.searchsorted(sign * self.times[DEGREE:-1:DEGREE], sign * times)
+        x = parameters_at(sign * self.coefficients[panel, :, 0], sign * times)
+        u = np.where(times == self.times[0], 0.0, panel + (x + 1.0) / 2.0)
         # at a singularity, where time reverses, u is known to half the digits only
         return np.where(times == self.times[-1], float(self.panels), u)
 

@@ -22,6 +22,8 @@ _SLOPES_AT_NODES = frozen(chebyshev.chebvander(NODES, DEGREE - 1))
 """Maps Chebyshev coefficients of a derivative to its values at the nodes, shape (9, 8)."""
 _NEARLY_STILL = 1e-2
 """Fraction of a panel's largest pace of time below which there are no rates by time."""
+_STEPS, _LAST_STEP = 60, 1e-12
+"""Most steps of Newton's method, and the largest last one."""
 
 
 def with_slopes(c: Array, panel: IntArray, x: Array) -> tuple[IntArray, Array, Array]:
@@ -43,3 +45,29 @@ def with_slopes(c: Array, panel: IntArray, x: Array) -> tuple[IntArray, Array, A
     rates = np.einsum("kd,kdc->kc", basis[:, :-1], slope[panel])
     moving = np.flatnonzero(np.abs(rates[:, 0]) > still[panel])
     return moving, values[moving], rates[moving] / rates[moving, :1]
+
+
+def parameters_at(c: Array, values: Array) -> Array:
+    """Parameters at which rising polynomials have values, by Newton's method within brackets.
+
+    Args:
+        c: Chebyshev coefficients, shape (K, 9).
+        values: Values between the polynomials' first and last ones, shape (K,).
+
+    Returns:
+        The parameters in [-1, 1], shape (K,).
+    """
+    slopes = chebyshev.chebder(c, axis=1)
+    low, high, x = np.full(len(c), -1.0), np.ones(len(c)), np.zeros(len(c))
+    for _ in range(_STEPS):
+        basis = chebyshev.chebvander(x, DEGREE)
+        late = np.einsum("kd,kd->k", basis, c) - values
+        low, high = np.where(late < 0.0, x, low), np.where(late < 0.0, high, x)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            step = late / np.einsum("kd,kd->k", basis[:, :-1], slopes)
+        small = np.abs(step) <= _LAST_STEP
+        inside = small | ((x - step > low) & (x - step < high))
+        x = np.where(inside, np.clip(x - step, low, high), (low + high) / 2.0)
+        if small.all():
+            break
+    return x
