@@ -26,6 +26,8 @@ from freefloat.visualization.figure_style import (
 )
 
 _GRID = 361
+_FEW = 2
+"""Largest number of arm branches whose labels are written in full."""
 _FEASIBLE = "#CFE3EF"
 _LOW = np.array([-180.0, -90.0])
 """Smallest angles that are drawn [deg]: stretched and folded arms, with q2 near 0 and 180 degrees,
@@ -50,7 +52,8 @@ def headings_figure(
     figure = new_figure(COLUMN, 0.7 + 1.35 * len(curves))
     panels = figure.subplots(len(curves), 1, sharex=True, squeeze=False)[:, 0]
     for axes, (branch, name, values, spans) in zip(panels, curves, strict=True):
-        axes.plot(np.degrees(result.headings), values, color=BLUE, label=short_label(name) or name)
+        label = (len(curves) > _FEW and short_label(name)) or name
+        axes.plot(np.degrees(result.headings), values, color=BLUE, label=label)
         for number, (low, high) in enumerate(spans):
             label = "feasible" if number == 0 else None
             axes.axvspan(low, high, color=_FEASIBLE, linewidth=0.0, zorder=0, label=label)
