@@ -16,7 +16,7 @@ from freefloat.planning.space import climbing as search
 from freefloat.planning.space import deepest_ball as deepest
 from freefloat.planning.space import disturbances as tolerance
 from freefloat.planning.space import robust_radius as robustness
-from freefloat.planning.tolerance import Effort
+from freefloat.planning.tolerance import SearchEffort
 
 IDENTITY = [0.0, 0.0, 0.0, 1.0]
 
@@ -28,9 +28,9 @@ def smaller_searches() -> Iterator[None]:
         patch.setattr(spatial_planner, "_CANDIDATES", 6)
         patch.setattr(search, "_FINISHED", 2)
         patch.setattr(robustness, "_WIDE", 128)
-        patch.setattr(robustness, "EFFORT", Effort(768, 16))
+        patch.setattr(robustness, "EFFORT", SearchEffort(768, 16))
         patch.setattr(deepest, "_ROUNDS", 6)
-        patch.setattr(tolerance, "EFFORT", Effort(384, 12))
+        patch.setattr(tolerance, "EFFORT", SearchEffort(384, 12))
         yield
 
 

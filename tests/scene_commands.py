@@ -7,15 +7,15 @@ from typing import Any
 import numpy as np
 import umsgpack
 
-from freefloat.visualization.scenes.scene_builder import Scene
+from freefloat.visualization.scenes.scene_builder import PageScene
 
 
-def commands(scene: Scene, kind: str) -> dict[str, Any]:
+def commands(scene: PageScene, kind: str) -> dict[str, Any]:
     found = map(umsgpack.unpackb, scene.objects)
     return {command["path"]: command for command in found if command["type"] == kind}
 
 
-def tracks(scene: Scene) -> dict[str, tuple[np.ndarray, ...]]:
+def tracks(scene: PageScene) -> dict[str, tuple[np.ndarray, ...]]:
     """Times and values of the tracks by path and property."""
     return {
         clip["path"] + track["name"]: tuple(
@@ -28,7 +28,7 @@ def tracks(scene: Scene) -> dict[str, tuple[np.ndarray, ...]]:
     }
 
 
-def vertices(scene: Scene, path: str) -> np.ndarray:
+def vertices(scene: PageScene, path: str) -> np.ndarray:
     """Vertices of the surface at a path, shape (V, 3)."""
     item = commands(scene, "set_object")[path]["object"]
     packed = item["geometries"][0]["data"]["attributes"]["position"]["array"]

@@ -20,7 +20,7 @@ from benchmarks.motions import ATTITUDE
 from benchmarks.plain import PlainMotion
 from benchmarks.result import Result, race
 from freefloat.beyond.engines.mujoco import start
-from freefloat.beyond.engines.mujoco_model import Engine
+from freefloat.beyond.engines.mujoco_model import MuJoCoModel
 from freefloat.ensemble.ensemble import EnsembleIntegrator
 from freefloat.ensemble.robots import Robots
 from freefloat.ensemble.systems import Systems
@@ -252,7 +252,7 @@ def closed_loops(quick: bool) -> Result:
     """Plans followed with feedback; MuJoCo's own integrator, without controllers."""
     problem, count = ff.load_scenario("spatial_6dof/line").problem(), 16 if quick else 160
     simulation = ff.simulate(problem, ATTITUDE)
-    motion, engine = simulation.chosen.motion, Engine(problem.system)
+    motion, engine = simulation.chosen.motion, MuJoCoModel(problem.system)
     start(motion, engine, 0.0, np.zeros(problem.model.dof))
     engine.rest(0.01)
     engine.set_friction(0.1)

@@ -19,7 +19,7 @@ from rich.table import Table
 
 import freefloat as ff
 from freefloat.beyond.engines.mujoco import forward_run
-from freefloat.beyond.engines.mujoco_model import Engine
+from freefloat.beyond.engines.mujoco_model import MuJoCoModel
 from freefloat.so3 import angle_between
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
@@ -49,7 +49,7 @@ def deviations(rng: np.random.Generator, both: bool) -> tuple[str, list[float]] 
         return None
     attitude, joints = own_motion(case)
     fast = np.abs(motion.node_rates).max() > FAST  # it passes a singularity closely
-    engine = forward_run(motion, Engine(problem.system), steps=32_000 if fast else 8000)
+    engine = forward_run(motion, MuJoCoModel(problem.system), steps=32_000 if fast else 8000)
     ensemble = EnsembleIntegrator(problem, 1, tolerance=1e-9).integrate(
         case.attitude[None], case.joints[None]
     )

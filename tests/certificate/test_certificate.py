@@ -8,7 +8,7 @@ import pytest
 
 import freefloat as ff
 from freefloat.beyond.engines.mujoco import forward_run
-from freefloat.beyond.engines.mujoco_model import Engine
+from freefloat.beyond.engines.mujoco_model import MuJoCoModel
 from freefloat.certificate.certificate import certify, integrate_again
 from freefloat.io.scenario.scenario import parse_scenario
 from freefloat.motion.motion import DEGREE, Ending
@@ -110,4 +110,4 @@ def test_mujoco_does_not_read_the_attitude(redundant):
     scenario = ff.load_scenario("panda_servicer/line")
     heavier = scenario.text.replace("inertia: [16, 16, 16]", "inertia: [18, 16, 16]")
     system = parse_scenario(heavier, scenario.source).problem().system
-    assert forward_run(redundant, Engine(system)).attitude > 1e-3
+    assert forward_run(redundant, MuJoCoModel(system)).attitude > 1e-3

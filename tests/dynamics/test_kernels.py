@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import freefloat as ff
-from freefloat.beyond.missions.goals.placements import Arm, Placements
+from freefloat.beyond.missions.goals.placements import PlacedArm, Placements
 from freefloat.dynamics.kernels import configurations
 from freefloat.dynamics.momentum import inertia_matrices
 from freefloat.dynamics.robot_arrays import kernel_robot
@@ -25,7 +25,7 @@ def test_bodies_and_centres_of_mass_are_where_pinocchio_places_them(
     model = ff.FreeFloatingModel.from_urdf(robot.text, robot.end_effector)
     joints, step = rng.uniform(-2.0, 2.0, (3, model.dof)), 1e-6 * np.eye(model.dof)
     with plain_kernels():
-        placed = Placements.of(Arm.of(model), joints)
+        placed = Placements.of(PlacedArm.of(model), joints)
     for k, q in enumerate(joints):
         base = model.base_position(UPRIGHT, q)
         poses = model.body_poses(UPRIGHT, q)
@@ -46,7 +46,7 @@ def test_the_spacecraft_turns_as_the_matrices_of_pinocchio_say(
     both: bool, rng: np.random.Generator
 ) -> None:
     """Robots with one arm, and with two that follow paths."""
-    model = random_case(rng, both=both).problem.chain()
+    model = random_case(rng, both=both).problem.model_at()
     joints = rng.uniform(-2.0, 2.0, (3, model.dof))
     with plain_kernels():
         found = configurations.Configurations.of(kernel_robot(model, ff.Task.POSITION), joints)

@@ -18,7 +18,7 @@ from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.parts import Payload
 from freefloat.robot.shapes import Box, Cylinder, Sphere
 from freefloat.scene.scene import Scene
-from freefloat.scene.scene_body import Hand, SceneBody
+from freefloat.scene.scene_body import EndEffectorPoses, SceneBody
 from freefloat.scene.tumbling import Tumbling
 from tests.limits.test_clearance import CountingPairs
 from tests.prismatic import LENGTH, prismatic_motion, prismatic_robot, shape_text
@@ -160,7 +160,10 @@ def test_bounds_of_path_lengths_hold_and_are_nearly_attained():
     states = list(zip(*motion.evaluate(u), strict=True))
     targets = [motion.law.target(*state) for state in states]
     poses = [
-        [*problem.model.body_poses(a, q), *problem.scene.poses(t, problem.path, Hand.on(target))]
+        [
+            *problem.model.body_poses(a, q),
+            *problem.scene.poses(t, problem.path, EndEffectorPoses.on(target)),
+        ]
         for (t, a, q), target in zip(states, targets, strict=True)
     ]
     steps = np.diff([[pose.position for pose in row] for row in poses], axis=0)

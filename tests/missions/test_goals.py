@@ -14,7 +14,7 @@ import freefloat as ff
 from freefloat.beyond.missions.goals import attitude_kernel, joint_paths
 from freefloat.beyond.missions.goals.clearances import Clearances
 from freefloat.beyond.missions.goals.joint_paths import Ends, JointPaths
-from freefloat.beyond.missions.goals.placements import Arm
+from freefloat.beyond.missions.goals.placements import PlacedArm
 from freefloat.dynamics.momentum import inertia_matrices
 from freefloat.dynamics.tasks import Task
 from freefloat.motion.joint_spline import JointSpline
@@ -57,7 +57,7 @@ def test_attitudes_along_a_path_and_their_derivatives(model: ff.FreeFloatingMode
     rng, n = np.random.default_rng(1), model.dof
     paths = JointPaths(Ends(np.array(START), np.full(n, 0.01), None, None))
     unknowns = np.append(rng.normal(size=paths.size - 1), 20.0)
-    arm, momenta = Arm.of(model), np.array([[0.5, -0.3, 0.2], [0.1, 0.0, 0.2]])
+    arm, momenta = PlacedArm.of(model), np.array([[0.5, -0.3, 0.2], [0.1, 0.0, 0.2]])
     still = paths.course(arm, unknowns, np.eye(3), 0.0 * momenta)
     joints = paths.gauss[0] @ paths.control_points(unknowns)
     attitudes = np.tile([0.0, 0.0, 0.0, 1.0], (len(joints), 1))
@@ -83,7 +83,7 @@ def test_plain_and_compiled_kernels_agree(model: ff.FreeFloatingModel) -> None:
     momenta = np.array([[0.5, -0.3, 0.2], [0.1, 0.0, 0.2]])
 
     def computed() -> tuple[Any, ...]:
-        course = paths.course(Arm.of(model), unknowns, np.eye(3), momenta)
+        course = paths.course(PlacedArm.of(model), unknowns, np.eye(3), momenta)
         return course.attitudes, course.turns
 
     compiled = computed()
@@ -235,11 +235,11 @@ def test_derivatives_of_clearances_and_of_the_end(model: ff.FreeFloatingModel) -
     target = ff.Goal(POSE, frame="ball").target(problem, np.array(STATE[0]), joints)
 
     def values(z: Any) -> Any:
-        course = paths.course(Arm.of(model), z, np.eye(3), np.zeros((2, 3)))
+        course = paths.course(PlacedArm.of(model), z, np.eye(3), np.zeros((2, 3)))
         amounts = clearances.violations(paths, course).amounts
         return np.append(target.error(paths, course), amounts[amounts > 0.0].sum())
 
-    course = paths.course(Arm.of(model), unknowns, np.eye(3), np.zeros((2, 3)))
+    course = paths.course(PlacedArm.of(model), unknowns, np.eye(3), np.zeros((2, 3)))
     found = clearances.violations(paths, course)
     lacking = found.jacobian(paths, course)[found.amounts > 0.0]
     assert len(lacking) > 3

@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 import freefloat as ff
 from freefloat.attitude_grids import attitude_grid
 from freefloat.beyond.engines.mujoco import forward_run, inverse_run
-from freefloat.beyond.engines.mujoco_model import Engine
+from freefloat.beyond.engines.mujoco_model import MuJoCoModel
 from freefloat.ensemble.ensemble import EnsembleIntegrator
 from freefloat.so3 import angle_between, heading_quaternion
 from tests.errors import error_key
@@ -113,7 +113,7 @@ def compared_with_precise(problem: ff.Problem, attitudes: np.ndarray, joints: np
 def test_mujoco_ends_at_the_same_place_of_the_fixed_frame(name: str) -> None:
     problem = problem_of(name, momentum=True)
     motion = start_of(problem, STARTS[name])
-    engine = Engine(problem.system)
+    engine = MuJoCoModel(problem.system)
     inverse, forward = inverse_run(motion, engine), forward_run(motion, engine)
     assert inverse.end_effector < 1e-7
     assert inverse.wrench < 1e-4 * inverse.torque
@@ -148,7 +148,9 @@ def test_poses_and_twists_of_a_path_are_relative_to_the_centre_of_mass() -> None
     for t in (10.0, 55.0):
         change = (path.pose(t + h).position - path.pose(t - h).position) / (2.0 * h)
         np.testing.assert_allclose(path.twist(t)[:3], change, atol=1e-9)
-        np.testing.assert_allclose(path.leg(0.0, 100.0)(t)[0], path.twist(t), atol=1e-15)
+        np.testing.assert_allclose(
+            path.prescribed_between(0.0, 100.0)(t)[0], path.twist(t), atol=1e-15
+        )
         s = path.timing.s(t)
         assert path.timing.time_at(s) == pytest.approx(t, abs=1e-9)
         np.testing.assert_allclose(path.pose_at(s).position, path.pose(t).position, atol=1e-12)

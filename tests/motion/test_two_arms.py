@@ -11,7 +11,7 @@ import pytest
 
 import freefloat as ff
 from freefloat.beyond.engines.mujoco import forward_run
-from freefloat.beyond.engines.mujoco_model import Engine
+from freefloat.beyond.engines.mujoco_model import MuJoCoModel
 from freefloat.ensemble.ensemble import EnsembleIntegrator
 from freefloat.ik.nearest import newton_solutions
 from freefloat.io.formats.export import Format, trajectories
@@ -82,7 +82,7 @@ def test_motions_agree_with_an_integration_of_our_own_and_with_mujoco(seed, both
     np.testing.assert_allclose(motion.final.joints[:n], joints, atol=1e-8)
     assert angle_between(motion.final.attitude, attitude) < 1e-8
     assert max(tip_errors(case, motion)) < 1e-9
-    assert forward_run(motion, Engine(problem.system), steps=4000).attitude < 1e-5
+    assert forward_run(motion, MuJoCoModel(problem.system), steps=4000).attitude < 1e-5
     states = case.attitude[None], case.joints[None]
     ensemble = EnsembleIntegrator(problem, 1, tolerance=1e-10).integrate(*states)
     np.testing.assert_allclose(ensemble.joints[0], joints, atol=1e-7)

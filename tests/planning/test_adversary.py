@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from freefloat.planning.searches.adversary import confirmed_radius, violations
-from freefloat.planning.tolerance import Effort
+from freefloat.planning.tolerance import SearchEffort
 
-EFFORT = Effort(samples=512, descents=12)
+EFFORT = SearchEffort(samples=512, descents=12)
 
 
 def hidden(direction: np.ndarray, width: float, *, column: int = 0) -> object:

@@ -11,19 +11,19 @@ import yaml
 from scipy.spatial.transform import Rotation
 
 import freefloat as ff
-from freefloat.beyond.studio.messages import State
+from freefloat.beyond.studio.messages import WorkerState
 from freefloat.beyond.studio.path_analysis import PathAnalysis
-from freefloat.beyond.studio.robots import Robots
+from freefloat.beyond.studio.robots import RobotCache
 from freefloat.io.scenario.scenario import parse_scenario
 from freefloat.robot.bundled import find_scenario
 
 
-def analysis(name: str, **changes: Any) -> tuple[PathAnalysis, State]:
+def analysis(name: str, **changes: Any) -> tuple[PathAnalysis, WorkerState]:
     """The analysis of a bundled scenario with other sections."""
     source = find_scenario(name)
     content = yaml.safe_load(source.read_text("utf-8")) | changes
-    state = State(yaml.safe_dump(content), source)
-    return PathAnalysis(state, parse_scenario(state.text, source), Robots()), state
+    state = WorkerState(yaml.safe_dump(content), source)
+    return PathAnalysis(state, parse_scenario(state.text, source), RobotCache()), state
 
 
 def unpacked(text: str, kind: str) -> np.ndarray:

@@ -17,10 +17,10 @@ from freefloat.beyond.studio.messages import (
     SetDuration,
     SetMargin,
     SetMomentum,
-    State,
     TurnEnd,
+    WorkerState,
 )  # fmt: skip
-from freefloat.beyond.studio.robots import Robots
+from freefloat.beyond.studio.robots import RobotCache
 from freefloat.robot.bundled import find_scenario
 from tests.errors import error_key
 
@@ -33,8 +33,8 @@ def scenario(name: str) -> dict[str, Any]:
 
 
 def outline_of(content: dict[str, Any]) -> dict[str, Any]:
-    state = State(yaml.safe_dump(content), find_scenario("spatial_6dof/line"))
-    return dict(analysis_of(state, Robots()).outline().content)
+    state = WorkerState(yaml.safe_dump(content), find_scenario("spatial_6dof/line"))
+    return dict(analysis_of(state, RobotCache()).outline().content)
 
 
 def moved(content: dict[str, Any], handle: int, position: np.ndarray) -> dict[str, Any]:

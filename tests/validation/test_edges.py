@@ -9,7 +9,7 @@ import pytest
 
 import freefloat as ff
 from freefloat.beyond.engines.mujoco import forward_run, inverse_run
-from freefloat.beyond.engines.mujoco_model import Engine
+from freefloat.beyond.engines.mujoco_model import MuJoCoModel
 from freefloat.certificate.certificate import certify
 from freefloat.ensemble.endings import COMPLETED, SINGULAR
 from freefloat.errors import IntegrationError
@@ -133,7 +133,7 @@ def test_a_spacecraft_that_tumbles_is_confirmed_by_both_engines(planar):
     assert certificate.momentum.value < 1e-6 * certificate.momentum_scale
     assert certificate.end_effector_position.value < 1e-8
     assert certificate.integration.attitude < 1e-6
-    engine = Engine(problem.system)
+    engine = MuJoCoModel(problem.system)
     inverse = inverse_run(motion, engine)
     assert inverse.wrench < 1e-5 * inverse.torque
     assert forward_run(motion, engine).attitude < 1e-3
@@ -170,6 +170,6 @@ def test_an_arm_of_millimetres_moves_as_one_of_metres(
     motion = simulated(problem, attitude, branch)
     assert_equal_ends(motion, simulated(bundled(name), attitude, branch), 1e-7)
     assert_compiled_agrees(motion, 1e-3)
-    inverse = inverse_run(motion, Engine(problem.system))
+    inverse = inverse_run(motion, MuJoCoModel(problem.system))
     assert inverse.wrench < 1e-4 * inverse.torque
     assert not Path("MUJOCO_LOG.TXT").exists()  # of inertias near zero

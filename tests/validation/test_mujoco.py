@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 import freefloat as ff
 from freefloat.beyond.engines.mujoco import forward_run
-from freefloat.beyond.engines.mujoco_model import Engine, wxyz
+from freefloat.beyond.engines.mujoco_model import MuJoCoModel, wxyz
 from freefloat.so3 import heading_quaternion
 from tests.motions import GOOD, differentiated, relative, simulated
 from tests.robots import Robot, joint_values, robots
@@ -38,7 +38,7 @@ def motions():
 
 @pytest.fixture(scope="module")
 def engines(motions):
-    return {name: Engine(motion.problem.system) for name, motion in motions.items()}
+    return {name: MuJoCoModel(motion.problem.system) for name, motion in motions.items()}
 
 
 TIMES = np.linspace(6.0, 94.0, 12)
@@ -90,7 +90,7 @@ def all_motions(motions):
 def test_mujoco_finds_the_same_joint_torques(all_motions, name):
     """From accelerations solved at a state, and from differences of the recorded motion."""
     motion = all_motions[name]
-    engine, dynamics = Engine(motion.problem.system), motion.law
+    engine, dynamics = MuJoCoModel(motion.problem.system), motion.law
     solved, seen, recorded, wrenches = [], [], [], []
     for t in np.linspace(0.06, 0.94, 12) * motion.problem.path.duration:
         (state,) = motion.sample(t)
@@ -153,6 +153,6 @@ def test_mujoco_finds_the_same_generalized_jacobian(data: st.DataObject, robot: 
 def test_servos_lead_to_the_same_attitude(all_motions, name):
     """Servos follow the recorded joints, nothing holds the base: it ends as freefloat says."""
     motion = all_motions[name]
-    result = forward_run(motion, Engine(motion.problem.system))
+    result = forward_run(motion, MuJoCoModel(motion.problem.system))
     assert_agrees("test_servos_lead_to_the_same_attitude", result.attitude)
     assert result.joints < 1e-3

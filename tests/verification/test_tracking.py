@@ -11,7 +11,7 @@ import pytest
 import freefloat as ff
 from freefloat.beyond.engines import plant, servo_steps
 from freefloat.beyond.engines.mujoco import start
-from freefloat.beyond.engines.mujoco_model import Engine
+from freefloat.beyond.engines.mujoco_model import MuJoCoModel
 from freefloat.beyond.engines.plant import Plants
 from freefloat.dynamics.momentum import mass_matrix
 from freefloat.robot.assembly import scaled
@@ -123,7 +123,7 @@ def test_a_period_is_that_of_mujocos_runge_kutta_integrator(name: str) -> None:
     motion = ff.simulate(problem, [0.0, 0.0, 0.0, 1.0]).chosen.motion
     n, rng, period, fine = problem.model.dof, np.random.default_rng(2), 0.1, 500
     factors, first = np.exp(0.2 * rng.standard_normal(1 + n)), 0.01 * rng.standard_normal(n)
-    nominal = Engine(problem.system)
+    nominal = MuJoCoModel(problem.system)
     start(motion, nominal, 0.0, first)
     plants = Plants(nominal, factors[None], np.array([0.1]), period)
     links = problem.model.link_places.items()
@@ -131,7 +131,7 @@ def test_a_period_is_that_of_mujocos_runge_kutta_integrator(name: str) -> None:
     model = ff.FreeFloatingModel(
         scaled(problem.model.description, scales), problem.model.end_effector, {}
     )
-    engine = Engine(replace(problem.system, model=model))
+    engine = MuJoCoModel(replace(problem.system, model=model))
     start(motion, engine, 0.0, first)
     engine.rest(period / fine)
     engine.set_friction(0.1)

@@ -18,7 +18,7 @@ from freefloat.planning.space.attitude_map import AttitudeMap
 from freefloat.planning.space.mapping import sample_attitudes
 from freefloat.visualization.scenes import map_scene as maps
 from freefloat.visualization.scenes.description import MarginColours
-from freefloat.visualization.scenes.scene_builder import Scene
+from freefloat.visualization.scenes.scene_builder import PageScene
 from tests.maps import with_motions
 
 SECOND = "shoulder+ elbow- wrist±"
@@ -43,11 +43,11 @@ def result(spatial: ff.Problem) -> AttitudeMap:
 
 
 @pytest.fixture(scope="module")
-def scene(result: AttitudeMap) -> Scene:
+def scene(result: AttitudeMap) -> PageScene:
     return maps.map_scene(result, "a map")
 
 
-def points(scene: Scene, title: str) -> dict[str, list[np.ndarray]]:
+def points(scene: PageScene, title: str) -> dict[str, list[np.ndarray]]:
     """Positions and colours of the points of a scene, by item."""
     drawn = {}
     for command in map(umsgpack.unpackb, scene.objects):
@@ -61,7 +61,7 @@ def points(scene: Scene, title: str) -> dict[str, list[np.ndarray]]:
 
 @pytest.mark.parametrize(("title", "columns"), [(maps.BEST_BRANCH, slice(None)), (SECOND, [2])])
 def test_points_are_rotation_vectors_coloured_by_the_margin(
-    scene: Scene, result: AttitudeMap, title: str, columns: Any
+    scene: PageScene, result: AttitudeMap, title: str, columns: Any
 ) -> None:
     drawn, margins = points(scene, title), result.margins[:, columns].max(axis=1)
     vectors = Rotation.from_quat(result.attitudes).as_rotvec()
@@ -74,7 +74,7 @@ def test_points_are_rotation_vectors_coloured_by_the_margin(
         assert shades == pytest.approx(colours(np.where(feasible, margins, 0.0)[part]), abs=1e-6)
 
 
-def test_marks_and_boundary_belong_to_their_branch(scene: Scene) -> None:
+def test_marks_and_boundary_belong_to_their_branch(scene: PageScene) -> None:
     """Wrist-flipped branches share a scene."""
     labels = {
         item.title: [label.text for label in item.labels if label.item == maps.MARKS]

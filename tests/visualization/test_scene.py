@@ -22,7 +22,7 @@ from freefloat.so3 import heading_quaternion
 from freefloat.visualization.page.playback import Playback
 from freefloat.visualization.scenes.description import MarginColours
 from freefloat.visualization.scenes.scene import motion_scene
-from freefloat.visualization.scenes.scene_builder import Scene
+from freefloat.visualization.scenes.scene_builder import PageScene
 from freefloat.visualization.scenes.visuals import body_poses, robot_visuals
 from tests.errors import error_key
 from tests.scene_commands import commands, tracks
@@ -36,7 +36,7 @@ def motion(spatial: ff.Problem) -> Motion:
 
 
 @pytest.fixture(scope="module")
-def scene(motion: Motion) -> Scene:
+def scene(motion: Motion) -> PageScene:
     return motion_scene({"good": motion}, "Example 2")
 
 
@@ -45,12 +45,12 @@ def attribute(item: dict[str, Any], name: str = "position") -> np.ndarray:
     return np.frombuffer(packed.data, dtype="<f4").reshape(-1, 3)
 
 
-def objects(scene: Scene) -> dict[str, dict[str, Any]]:
+def objects(scene: PageScene) -> dict[str, dict[str, Any]]:
     return {path: found["object"] for path, found in commands(scene, "set_object").items()}
 
 
 @pytest.mark.slow
-def test_tracks_are_the_poses_of_the_bodies(scene: Scene, motion: Motion) -> None:
+def test_tracks_are_the_poses_of_the_bodies(scene: PageScene, motion: Motion) -> None:
     values, names = tracks(scene), motion.problem.model.body_names
     for body, name in enumerate(names):
         times, positions = values[f"/meshcat/good/Robot/{name}.position"]
@@ -62,7 +62,7 @@ def test_tracks_are_the_poses_of_the_bodies(scene: Scene, motion: Motion) -> Non
         assert off.magnitude().max() < 1e-5
 
 
-def test_the_trail_shows_the_measure_by_time_and_colour(scene: Scene, motion: Motion) -> None:
+def test_the_trail_shows_the_measure_by_time_and_colour(scene: PageScene, motion: Motion) -> None:
     trail = scene.description.scenes[0].trail
     assert trail is not None
     states = motion.sample(trail.times[::50])
@@ -135,7 +135,7 @@ def test_colours_show_what_is_below_the_margin() -> None:
     assert np.isfinite(MarginColours.over(ff.Margin(measure, 0.0), [])(np.array([0.0]))).all()
 
 
-def test_a_page_carries_the_commands_and_may_request_nothing(scene: Scene) -> None:
+def test_a_page_carries_the_commands_and_may_request_nothing(scene: PageScene) -> None:
     text = Playback(scene).html()
     (packed,) = re.findall('id="scene">([^<]*)<', text)
     raw = gzip.decompress(b64decode(packed))

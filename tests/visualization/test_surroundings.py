@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 import freefloat as ff
 from freefloat.motion.motion import Motion
 from freefloat.visualization.scenes.scene import motion_scene
-from freefloat.visualization.scenes.scene_builder import Scene
+from freefloat.visualization.scenes.scene_builder import PageScene
 from tests.scene_commands import commands, tracks, vertices
 
 ROOT = "/meshcat/good"
@@ -30,7 +30,7 @@ def motion(spatial: ff.Problem) -> Motion:
     return ff.simulate(spatial, [0.46008, 0.09337, 0.73519, -0.48898], branch=0).chosen.motion
 
 
-def scene_of(motion: Motion, *arguments: Any) -> Scene:
+def scene_of(motion: Motion, *arguments: Any) -> PageScene:
     problem = motion.problem.replace(scene=ff.Scene(*arguments))
     return motion_scene({"good": replace(motion, problem=problem)})
 

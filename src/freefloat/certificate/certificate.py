@@ -60,7 +60,7 @@ class Worst:
 
 
 @dataclass(frozen=True)
-class Comparison:
+class SecondIntegration:
     """Differences between a motion and its second integration.
 
     Attributes:
@@ -111,7 +111,7 @@ class Certificate:
     momentum: Worst
     momentum_scale: float
     rates: Worst
-    integration: Comparison
+    integration: SecondIntegration
     integrator: str = _INTEGRATOR
 
     def to_dict(self) -> dict[str, Any]:
@@ -210,7 +210,7 @@ def _certified_minima(motion: Motion) -> tuple[tuple[CertifiedMinimum, ...], int
     ), bounds.intervals
 
 
-def integrate_again(motion: Motion) -> Comparison:
+def integrate_again(motion: Motion) -> SecondIntegration:
     """Compare a motion, but its last panels before a singularity, with the reference engine's."""
     count = DEGREE * _regular_panels(motion) + 1
     times, first = motion.times[:count], motion.initial
@@ -221,7 +221,7 @@ def integrate_again(motion: Motion) -> Comparison:
     angles = angle_between(attitudes, motion.attitudes[:count])
     differences = np.abs(joints - motion.joints[:count])
     latest, joint = np.unravel_index(int(differences.argmax()), differences.shape)
-    return Comparison(
+    return SecondIntegration(
         attitude=float(angles.max()),
         attitude_time=float(times[angles.argmax()]),
         joints=float(differences.max()),

@@ -17,7 +17,7 @@ from freefloat.so3 import Array, cross, turned
 
 
 @dataclass(frozen=True, eq=False)
-class Effort:
+class Forces:
     """Rates, accelerations and forces at an instant, or at K instants.
 
     Base components are linear before angular, in the spacecraft frame at its root link's origin.
@@ -54,7 +54,7 @@ class InverseDynamics:
 
     def of_joints(
         self, attitude: Array, joints: Array, rates: Array, accelerations: Array
-    ) -> Effort:
+    ) -> Forces:
         """Forces for joint accelerations (..., n)."""
         A, q, v, drift = self._moving(attitude, joints, rates)
         base = -_solved(A[..., :6], drift + turned(A[..., 6:], accelerations))
@@ -68,7 +68,7 @@ class InverseDynamics:
         twist_rate: Array,
         task: Task,
         further: Array,
-    ) -> Effort:
+    ) -> Forces:
         """Forces for the derivative of the end-effectors' twists, of which the task's rows count.
 
         The arms that follow paths have as many joints as there are rows; those of further arms that
@@ -115,14 +115,14 @@ class InverseDynamics:
             drift[..., 3:] += turned(rotation_matrix(attitude), cross(rates[..., :3], self._wheels))
         return A, q, v, drift
 
-    def _effort(self, q: Array, v: Array, a: Array) -> Effort:
+    def _effort(self, q: Array, v: Array, a: Array) -> Forces:
         forces = _each(partial(pin.rnea, self._robot, self._scratch), q, v, a)
         if self._turning:
             forces[..., 3:6] += cross(v[..., 3:6], self._wheels)
         base = forces[..., :6]
         if self._model.on_table:
             base[..., CARRIED] = 0.0
-        return Effort(v, a, base, forces[..., 6:])
+        return Forces(v, a, base, forces[..., 6:])
 
 
 def _each(function: Callable[..., Array], *vectors: Array) -> Array:

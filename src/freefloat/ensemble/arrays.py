@@ -34,8 +34,8 @@ from freefloat.ensemble.kernels.records import (
     Course,
     Measure,
     NullSpace,
+    ProblemTables,
 )
-from freefloat.ensemble.kernels.records import Problem as KernelProblem
 from freefloat.errors import InputError
 from freefloat.motion.pointing import AttitudeLimits, Keep
 from freefloat.motion.problem import Problem
@@ -51,9 +51,9 @@ _ERROR = 100.0
 
 
 @lru_cache(maxsize=8)
-def kernel_problem(problem: Problem, limits: AttitudeLimits | None = None) -> KernelProblem:
+def kernel_problem(problem: Problem, limits: AttitudeLimits | None = None) -> ProblemTables:
     """The arrays that the kernels read of a problem and of limits of attitude."""
-    model, path, limits = problem.chain(), problem.path, limits or AttitudeLimits()
+    model, path, limits = problem.model_at(), problem.path, limits or AttitudeLimits()
     if path.arms:
         _require_two_paths(problem, limits)
     frames = link_frames(model.single_arms[0])
@@ -63,7 +63,7 @@ def kernel_problem(problem: Problem, limits: AttitudeLimits | None = None) -> Ke
     _require_own_bodies(problem.model, limits)
     cones = _cones(model.single_arms[0], frames, limits, path.duration)
     course = _course(path.every, path.breaks)
-    return KernelProblem(robot, course, measure, _null_space(problem), TABLEAU, cones)
+    return ProblemTables(robot, course, measure, _null_space(problem), TABLEAU, cones)
 
 
 def kernel_measure(
@@ -148,13 +148,13 @@ def _null_space(problem: Problem) -> NullSpace | None:
     redundancy = problem.redundancy
     if redundancy is None or redundancy.minimum_norm:
         return None
-    centres = range_centres(problem.chain())
+    centres = range_centres(problem.model_at())
     metric = ENERGY if redundancy.metric is Metric.ENERGY else WEIGHTED
     toward = {Toward.NONE: 0, Toward.MANIPULABILITY: SIGMA, Toward.MIDDLE: MIDDLE_OF_RANGE}
     return NullSpace(
         metric, toward[redundancy.toward],
         float(redundancy.gain), float(redundancy.bound),
-        np.array(joint_weights(problem.chain(), redundancy), dtype=float),
+        np.array(joint_weights(problem.model_at(), redundancy), dtype=float),
         np.nan_to_num(centres), np.isfinite(centres).astype(float),
     )  # fmt: skip
 

@@ -27,7 +27,7 @@ from freefloat.ensemble.endings import (
     STRICT,
 )
 from freefloat.ensemble.ensemble import EnsembleIntegrator
-from freefloat.ensemble.equivalence import Equivalents
+from freefloat.ensemble.equivalence import ScaledMotions
 from freefloat.ensemble.known_limits import KnownLimits, LimitValues
 from freefloat.ensemble.many_motions import ManyMotions
 from freefloat.ensemble.result import EnsembleResult
@@ -60,7 +60,7 @@ _CODES = {Ending.COMPLETED: COMPLETED, Ending.SINGULAR: SINGULAR}
 
 
 def integrate_disturbed(
-    disturbed: Equivalents,
+    disturbed: ScaledMotions,
     attitudes: Array,
     thresholds: Array,
     branch: int | None = None,
@@ -117,7 +117,7 @@ def integrate_disturbed(
     of_limits = LimitValues.empty(len(attitudes), values.ratios.shape[1])
     for array, of_all in zip(of_limits, values, strict=True):
         array[found] = of_all[chosen[found]]
-    shifts = shifts_into_ranges(problem.chain(), table.lower, table.upper)
+    shifts = shifts_into_ranges(problem.model_at(), table.lower, table.upper)
     return ManyMotions(
         np.array(attitudes), initial + shifts, branches, table.endings,
         table.ended_at * disturbed.stretches, table.minimum * disturbed.magnifications,
@@ -129,7 +129,7 @@ def integrate_disturbed(
 
 
 def _decided(
-    disturbed: Equivalents,
+    disturbed: ScaledMotions,
     attitudes: Array,
     joints: Array,
     thresholds: Array,

@@ -27,7 +27,7 @@ _DURATIONS = "numbers from 1e-6 to 1e12", 1e-6, 1e12
 
 
 @dataclass(frozen=True, eq=False)
-class Equivalents:
+class ScaledMotions:
     """Motions of a problem that stand for disturbed ones.
 
     Attributes:
@@ -48,9 +48,9 @@ class Equivalents:
     def __len__(self) -> int:
         return len(self.stretches)
 
-    def __getitem__(self, chosen: BoolArray | IntArray | slice) -> Equivalents:
+    def __getitem__(self, chosen: BoolArray | IntArray | slice) -> ScaledMotions:
         """Some of the motions."""
-        return Equivalents(
+        return ScaledMotions(
             self.problem, self.systems[chosen], self.stretches[chosen], self.factors[chosen],
             self.scales[chosen],
         )  # fmt: skip
@@ -81,7 +81,7 @@ def equivalents(
     scale_mass: npt.ArrayLike = 1.0,
     robots: Robots | None = None,
     scales: Array | None = None,
-) -> Equivalents:
+) -> ScaledMotions:
     """The motions of a problem that stand for disturbed ones.
 
     Args:
@@ -120,7 +120,7 @@ def equivalents(
     ratio = (stretches / factors)[:, None]
     systems = Systems(h * ratio, w * ratio, v * stretches[:, None], robots)
     scales = np.ones((count, 1)) if scales is None else scales
-    return Equivalents(problem, systems, stretches, factors, scales)
+    return ScaledMotions(problem, systems, stretches, factors, scales)
 
 
 def broadcast(

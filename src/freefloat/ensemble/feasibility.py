@@ -71,7 +71,7 @@ class FeasibilityEvaluator:
             for number in (threads, 1)
         )
         self.wrist_flipped = has_wrist_flipped_branches(problem) and not self._on_wrist()
-        exact = not problem.path.arms and closed_form(problem.chain(), problem.task)
+        exact = not problem.path.arms and closed_form(problem.model_at(), problem.task)
         self.sample_reduction = 1 if exact else _REDUCTION
 
     def _on_wrist(self) -> bool:

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from freefloat.ensemble.equivalence import Equivalents
+from freefloat.ensemble.equivalence import ScaledMotions
 from freefloat.ensemble.result import EnsembleResult
 from freefloat.motion.pointing import AttitudeLimits, Keep
 from freefloat.robot.joint_ranges import range_ratios, shifts_into_ranges
@@ -131,7 +131,7 @@ class KnownLimits:
         self,
         motions: EnsembleResult,
         moments: Array,
-        disturbed: Equivalents,
+        disturbed: ScaledMotions,
         deciders: npt.NDArray[np.int8],
     ) -> LimitValues:
         """The limits along motions.

@@ -128,7 +128,7 @@ def _least(motion: Motion, slack: Slack) -> float:
 
 def _determinant_ratio(motion: Motion) -> float:
     """Smallest over largest magnitude of det S* at the nodes; of its volume with more joints."""
-    model, task = motion.problem.chain(), motion.problem.task
+    model, task = motion.problem.model_at(), motion.problem.task
     S = generalized_jacobian(model, motion.joints[:, : model.dof], task)
     volumes = np.linalg.svd(S, compute_uv=False).prod(axis=1)
     return float(volumes.min() / volumes.max())

@@ -9,7 +9,7 @@ from numpy.polynomial import chebyshev
 
 from freefloat.ensemble.endings import COMPLETED
 from freefloat.ensemble.ensemble import EnsembleIntegrator
-from freefloat.ensemble.equivalence import Equivalents
+from freefloat.ensemble.equivalence import ScaledMotions
 from freefloat.motion.panels import DEGREE, NODES, TO_COEFFICIENTS
 from freefloat.so3 import Array, BoolArray
 
@@ -31,7 +31,7 @@ class RecordedMotions:
             node that they reach on.
     """
 
-    disturbed: Equivalents = field(repr=False)
+    disturbed: ScaledMotions = field(repr=False)
     times: Array = field(repr=False)
     attitudes: Array = field(repr=False)
     joints: Array = field(repr=False)
@@ -39,7 +39,7 @@ class RecordedMotions:
 
     @classmethod
     def of(
-        cls, disturbed: Equivalents, attitudes: Array, joints: Array, panels: int, threads: int
+        cls, disturbed: ScaledMotions, attitudes: Array, joints: Array, panels: int, threads: int
     ) -> RecordedMotions:
         """Integrate motions from node to node.
 

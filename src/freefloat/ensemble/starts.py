@@ -168,7 +168,7 @@ def _distinct_starts(
         return Starts(sets.joints[:, column], numbers[:, column])
     if problem.redundant:
         poses = problem.poses_seen_from(attitudes)
-        sets = closest_branches(problem.chain(), *poses, problem.task, joints)
+        sets = closest_branches(problem.model_at(), *poses, problem.task, joints)
         return Starts(sets.joints, sets.names)
     return _nearest(problem, attitudes, joints)
 

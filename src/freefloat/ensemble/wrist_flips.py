@@ -27,7 +27,7 @@ def has_wrist_flipped_branches(problem: Problem) -> bool:
     """
     if problem.path.arms:
         return False
-    virtual, model = VirtualManipulator.of(problem.chain()), problem.chain()
+    virtual, model = VirtualManipulator.of(problem.model_at()), problem.model_at()
     if closed_form(model, problem.task) is not ClosedForm.ELBOW_AND_WRIST:
         return False
     if problem.start_joints is not None:  # of two wrist-flipped branches one is considered

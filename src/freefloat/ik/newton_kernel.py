@@ -33,7 +33,7 @@ from freefloat.dynamics.kernels.robot import (
 from freefloat.lockstep.compilation import compiled, inlined, inner
 from freefloat.lockstep.damped_steps import damped_step
 from freefloat.lockstep.lanes import WIDTH, Float, magnitude, maximum, select, sqrt
-from freefloat.lockstep.tables import Table, below, get_lane, get_vector, lanes, set_lane
+from freefloat.lockstep.tables import Table, get_lane, get_vector, lanes, set_lane, subtable
 from freefloat.lockstep.vectors import Vector, components, cross, dot, vector
 from freefloat.so3 import Array, IntArray
 
@@ -45,7 +45,7 @@ _GAIN = 0.9
 """A step hardly reduces the residual if it keeps more than this part of the smallest one."""
 
 
-class Workspace(NamedTuple):
+class NewtonBuffers(NamedTuple):
     """Workspace of one thread."""
 
     solver: Solver
@@ -56,17 +56,17 @@ class Workspace(NamedTuple):
     moves: Table  # 1 in lanes that take the step
 
 
-def make_workspace(robot: Robot, properties: int) -> Workspace:
+def make_workspace(robot: Robot, properties: int) -> NewtonBuffers:
     """Workspace for a robot, and so many properties that differ."""
     shapes = (robot.n,), (robot.arms, 12), (S_COLUMNS, S_COLUMNS), (1,), (1,)
     solver = make_solver(robot.n, robot.arms, properties)
-    return Workspace(solver, *(np.zeros((*shape, WIDTH)) for shape in shapes))
+    return NewtonBuffers(solver, *(np.zeros((*shape, WIDTH)) for shape in shapes))
 
 
 @compiled
 def solve_all(
     robot: Robot, robots: Array | None, targets: Array, pose: IntArray, q: Array, residual: Array,
-    steps: int, patience: int, workspace: Workspace,
+    steps: int, patience: int, workspace: NewtonBuffers,
 ) -> None:  # fmt: skip
     """Replace joints by those to which Newton's method converges, and write the residuals.
 
@@ -117,9 +117,9 @@ def solve_all(
 
 
 @inner
-def _in_tables(work: Workspace) -> Workspace:
+def _in_tables(work: NewtonBuffers) -> NewtonBuffers:
     """Arrays as tables."""
-    return Workspace(
+    return NewtonBuffers(
         solver_in_tables(work.solver), lanes(work.q, 1), lanes(work.targets, 12),
         lanes(work.normal, S_COLUMNS), lanes(work.size, 1), lanes(work.moves, 1),
     )  # fmt: skip
@@ -127,10 +127,10 @@ def _in_tables(work: Workspace) -> Workspace:
 
 @inner
 def _load(
-    robots: Array | None, targets: Array, pose: int, q: Array, lane: int, work: Workspace
+    robots: Array | None, targets: Array, pose: int, q: Array, lane: int, work: NewtonBuffers
 ) -> None:
     """Write targets and joints (n,) to a lane, and the robot if it differs from others."""
-    table = below(work.targets, 0, 1)
+    table = subtable(work.targets, 0, 1)
     for e in range(targets.shape[1]):
         for i in range(12):
             set_lane(table, 12 * e + i, lane, targets[pose, e, i])
@@ -140,7 +140,7 @@ def _load(
 
 
 @inlined
-def _take_step(robot: Robot, work: Workspace) -> None:
+def _take_step(robot: Robot, work: NewtonBuffers) -> None:
     """Add Levenberg's step, of at most one radian or metre per joint."""
     solver, size = work.solver, work.size[0]
     step = solver.rates
@@ -154,7 +154,7 @@ def _take_step(robot: Robot, work: Workspace) -> None:
 
 
 @inlined
-def _linearize(robot: Robot, work: Workspace) -> Float:
+def _linearize(robot: Robot, work: NewtonBuffers) -> Float:
     """Write errors of the poses and their Jacobian; the errors' norm."""
     solver, still = work.solver, vector(0.0, 0.0, 0.0)
     M, _, _ = place_arms(robot, work.q, solver)
@@ -174,7 +174,7 @@ def _linearize(robot: Robot, work: Workspace) -> Float:
 
 
 @inlined
-def _rotation_error(robot: Robot, e: int, work: Workspace) -> Vector:
+def _rotation_error(robot: Robot, e: int, work: NewtonBuffers) -> Vector:
     """The axis of the rotation onto the wanted axes, times twice the sine of half its angle."""
     ends, targets = work.solver.ends, work.targets
     z, wanted = get_vector(ends, e, TIP_Z), get_vector(targets, e, 9)

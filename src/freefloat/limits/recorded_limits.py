@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from freefloat.ensemble.equivalence import Equivalents
+from freefloat.ensemble.equivalence import ScaledMotions
 from freefloat.ensemble.known_limits import LimitValues
 from freefloat.ensemble.recorded_motions import RecordedMotions
 from freefloat.limits.clearance import clearance
@@ -69,7 +69,7 @@ class RecordedLimits:
         return None if self.clearance is None else ClearanceLimit(self.problem, self.clearance)
 
     def values(
-        self, disturbed: Equivalents, attitudes: Array, joints: Array, threads: int
+        self, disturbed: ScaledMotions, attitudes: Array, joints: Array, threads: int
     ) -> LimitValues:
         """The limits along motions from attitudes (K, 4) and joints (K, n).
 

@@ -63,7 +63,7 @@ floats, lanes = _view(types.float64), _view(lanes_type)
 
 
 @builtin(prefer_literal=True)
-def below(typing: Any, table: Any, row: Any, columns: Any) -> Any:
+def subtable(typing: Any, table: Any, row: Any, columns: Any) -> Any:
     """The table that begins at a row of another one, with a literal number of columns."""
     if not isinstance(columns, types.IntegerLiteral):
         return None

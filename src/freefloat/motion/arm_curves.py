@@ -79,7 +79,7 @@ class ArmCurve:
         inside = np.clip(np.asarray(t, dtype=float), 0.0, self.duration)
         return np.asarray(self._derivatives[order](inside))
 
-    def leg(
+    def prescribed_between(
         self, start: float, end: float
     ) -> tuple[scipy.interpolate.PPoly, scipy.interpolate.PPoly]:
         """Joint values and rates by time between two times [s] without a waypoint between them.
@@ -136,9 +136,13 @@ class ArmCurves:
         inner = [curve.times[1:-1] for curve in self.curves.values()]
         return np.unique(np.concatenate([np.zeros(0), *inner]))
 
-    def leg(self, start: float, end: float) -> Callable[[float], tuple[Array, Array]]:
-        """Joint values and rates of all arms by time, see :meth:`ArmCurve.leg`."""
-        values, rates = zip(*(c.leg(start, end) for c in self.curves.values()), strict=True)
+    def prescribed_between(
+        self, start: float, end: float
+    ) -> Callable[[float], tuple[Array, Array]]:
+        """Joint values and rates of all arms by time, see :meth:`ArmCurve.prescribed_between`."""
+        values, rates = zip(
+            *(c.prescribed_between(start, end) for c in self.curves.values()), strict=True
+        )
         return lambda t: (
             np.concatenate([part(t) for part in values]),
             np.concatenate([part(t) for part in rates]),

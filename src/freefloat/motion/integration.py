@@ -22,7 +22,7 @@ from freefloat.errors import InputError, IntegrationError, finite_number
 from freefloat.motion.extrema import first_crossing
 from freefloat.motion.motion import Ending, Motion
 from freefloat.motion.panels import NODES
-from freefloat.motion.problem import Leg, Problem, require_problem
+from freefloat.motion.problem import Prescription, Problem, require_problem
 from freefloat.motion.residuals import path_errors
 from freefloat.so3 import Array
 
@@ -163,13 +163,13 @@ def _integrate(
     reference = np.zeros(len(row))
     reference[0] = direction
     stepper = _Stepper(flow, tolerance, reference)
-    for leg_start, leg_end in pairwise(times):
-        leg = problem.leg(leg_start, leg_end)
-        for panel, singular in stepper.panels(panels[-1][-1], leg, leg_end):
+    for begin, until in pairwise(times):
+        prescribed = problem.prescribed_between(begin, until)
+        for panel, singular in stepper.panels(panels[-1][-1], prescribed, until):
             panels.append(panel[1:])
             if singular:
                 return np.vstack(panels), Ending.SINGULAR
-        panels[-1][-1, 0] = leg_end
+        panels[-1][-1, 0] = until
     return np.vstack(panels), Ending.COMPLETED
 
 
@@ -191,14 +191,14 @@ class ArcFlow:
         self._solver = problem.resolved_rate_solver()
         self._arm = slice(5, 5 + problem.model.arm_dof)
 
-    def __call__(self, y: Array, leg: Leg, reference: Array) -> Array:
+    def __call__(self, y: Array, prescribed: Prescription, reference: Array) -> Array:
         """The tangent at a point (5 + n,) of the curve, whose attitude may have any length.
 
         It is on the side of the last one, ``reference``, and so stays continuous across a
         singularity, where time reverses.
         """
         t = float(y[0]) * self.unit
-        twist, speed, *further = leg(t)
+        twist, speed, *further = prescribed(t)
         attitude = y[1:5]
         attitude = attitude / math.sqrt(attitude @ attitude)
         joints = np.concatenate([y[self._arm], further[0]]) if further else y[5:]
@@ -232,7 +232,9 @@ class _Stepper:
         self._proposed: float | None = None
         self._steps_left = _MAX_STEPS
 
-    def panels(self, row: Array, leg: Leg, end: float) -> Iterator[tuple[Array, bool]]:
+    def panels(
+        self, row: Array, prescribed: Prescription, end: float
+    ) -> Iterator[tuple[Array, bool]]:
         """Panels up to a time [s], each with whether the arm is singular at its end."""
         unit = self._flow.unit
         sign = self._direction
@@ -240,12 +242,12 @@ class _Stepper:
         y = np.concatenate([[row[0] / unit], row[1:]])
 
         def tangent(_: float, y: Array) -> Array:
-            return self._flow(y, leg, self._reference)
+            return self._flow(y, prescribed, self._reference)
 
         def pace_at(r: float, y: Dense) -> float:
             return sign * float(tangent(r, y(r))[0])
 
-        # rates are differences of states by the leg's length, and as precise
+        # rates are differences of states by the length of the part, and as precise
         tolerance = max(self._tolerance * min(abs(goal - y[0]), 1.0), _FINEST)
         solver = scipy.integrate.DOP853(
             tangent, 0.0, y, np.inf, max_step=_LONGEST_STEP, rtol=tolerance, atol=tolerance,

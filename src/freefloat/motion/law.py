@@ -11,7 +11,7 @@ from typing import Any, NamedTuple, Protocol, TypeAlias
 
 import numpy as np
 
-from freefloat.dynamics.inverse_dynamics import Effort, InverseDynamics
+from freefloat.dynamics.inverse_dynamics import Forces, InverseDynamics
 from freefloat.dynamics.tasks import Task
 from freefloat.motion.joint_spline import JointSpline
 from freefloat.motion.problem import Problem
@@ -56,7 +56,7 @@ class Law(Protocol):
         """The rates at a state; infinite where the arm is exactly singular."""
         ...
 
-    def effort(self, t: Times, attitude: Array, joints: Array, segment: Segments = None) -> Effort:
+    def effort(self, t: Times, attitude: Array, joints: Array, segment: Segments = None) -> Forces:
         """Rates, accelerations and forces at a state; all NaN where the arm is exactly singular."""
         ...
 
@@ -90,7 +90,7 @@ class PathLaw:
         prescribed = self._problem.prescribed(t, segment)
         return Rates(*self._solver.rates(attitude, joints, *prescribed))
 
-    def effort(self, t: Times, attitude: Array, joints: Array, segment: Segments = None) -> Effort:
+    def effort(self, t: Times, attitude: Array, joints: Array, segment: Segments = None) -> Forces:
         """See :class:`Law`."""
         path = self._problem.path
         prescribed = path.twist_and_speed(t, segment)
@@ -109,7 +109,7 @@ class PathLaw:
         prescribed: tuple[Array, Any],
         change: tuple[Array, Any],
         further: tuple[Array, Array] | None = None,
-    ) -> Effort:
+    ) -> Forces:
         """The same for an end-effector twist with ds/dt, and for their derivatives.
 
         Further arms that move have given joint rates and accelerations.
@@ -189,7 +189,7 @@ class JointLaw:
         rates = self._curve.at(s, 1) * speed[..., None]
         return Rates(self._problem.system.base_rate(attitude, self._curve.at(s), rates), rates)
 
-    def effort(self, t: Times, attitude: Array, joints: Array, segment: Segments = None) -> Effort:
+    def effort(self, t: Times, attitude: Array, joints: Array, segment: Segments = None) -> Forces:
         """See :class:`Law`."""
         s, speed, change = (self._timing.s(t, order, segment) for order in range(3))
         q, slope, bend = (self._curve.at(s, order) for order in range(3))

@@ -42,7 +42,7 @@ from freefloat.so3 import (
 
 Prescribed = tuple[Array, Any, Array | None]
 """Twist of the end-effector, path speed ds/dt, joint rates of further arms that move."""
-Leg = Callable[[float], tuple[Any, ...]]
+Prescription = Callable[[float], tuple[Any, ...]]
 """By time: twist, path speed, and joint values and rates of further arms that move."""
 _APART = 1e-6
 """Smallest distance of breaks, as a fraction of the duration."""
@@ -207,7 +207,7 @@ class Problem:
             path=self.path.with_drift(system.drift),
         )  # fmt: skip
 
-    def chain(self, t: float = 0.0) -> FreeFloatingModel:
+    def model_at(self, t: float = 0.0) -> FreeFloatingModel:
         """The robot with the arms that follow paths, further arms fixed as at a time [s]."""
         if not self.arms:
             return self.model
@@ -219,7 +219,7 @@ class Problem:
         """The same problem, further arms on joint curves being fixed as at a time [s]."""
         if not self.arms:
             return self
-        chain, limits = self.chain(t), self.limits
+        chain, limits = self.model_at(t), self.limits
         limits = limits and limits.of_joints(chain.dof)
         return self.replace(model=chain, arms=ArmCurves(), limits=limits)
 
@@ -251,15 +251,15 @@ class Problem:
         twist, speed = self.path.twist_and_speed(t, segment)
         return twist, speed, self.arms.at(t, 1) if self.arms else None
 
-    def leg(self, start: float, end: float) -> Leg:
+    def prescribed_between(self, start: float, end: float) -> Prescription:
         """What is prescribed between two times [s] without a break between them.
 
         It is also valid a little beyond.
         """
-        twist_and_speed = self.path.leg(start, end)
+        twist_and_speed = self.path.prescribed_between(start, end)
         if not self.arms:
             return twist_and_speed
-        further = self.arms.leg(start, end)
+        further = self.arms.prescribed_between(start, end)
         return lambda t: (*twist_and_speed(t), *further(t))
 
     def all_joints(self, joints: Array, t: float) -> Array:
@@ -309,7 +309,7 @@ class Problem:
         if self.start_joints is not None or self.path.arms:
             return self.many_branches(attitude[None], t)[0]
         R0 = rotation_matrix(attitude)
-        return arm_branches(self.chain(t), self.path.pose(t).seen_from(R0), self.task)
+        return arm_branches(self.model_at(t), self.path.pose(t).seen_from(R0), self.task)
 
     def many_branches(
         self, attitudes: Array, t: float = 0.0, branch: int | IntArray | None = None
@@ -318,7 +318,7 @@ class Problem:
 
         With the number of an arm branch, or of one for each attitude (K,), others may be missing.
         """
-        at = self.chain(t), *self.poses_seen_from(attitudes, t), self.task
+        at = self.model_at(t), *self.poses_seen_from(attitudes, t), self.task
         if self.start_joints is not None and t == 0.0:
             return closest_branches(*at, self.start_joints)
         if not self.path.arms:
@@ -369,7 +369,7 @@ class Problem:
         near = self.nearest(values, branches)
         if self.redundant:
             poses = self.poses_seen_from(np.asarray(attitude)[None])
-            given = newton_configuration(self.chain(), *poses, self.task, values)
+            given = newton_configuration(self.model_at(), *poses, self.task, values)
             if given is not None and self.nearest(values, [given]):
                 near = self.nearest(given.joints, branches, _SAME) or given
         if near is not None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from freefloat.motion.motion import Motion
-from freefloat.scene.scene_body import Hand
+from freefloat.scene.scene_body import EndEffectorPoses
 from freefloat.so3 import Array, Pose
 
 
@@ -29,6 +29,6 @@ def corridor_pose(motion: Motion, t: float | Array, attitude: Array, joints: Arr
     return scene.corridor_pose(t, path, hand)
 
 
-def _hand(motion: Motion, t: float | Array, attitude: Array, joints: Array) -> Hand:
+def _hand(motion: Motion, t: float | Array, attitude: Array, joints: Array) -> EndEffectorPoses:
     actual = motion.problem.model.end_effector_pose(attitude, joints)
-    return Hand(motion.law.target(t, attitude, joints), actual)
+    return EndEffectorPoses(motion.law.target(t, attitude, joints), actual)

@@ -11,7 +11,7 @@ import numpy as np
 
 from freefloat.errors import InputError, require_type
 from freefloat.paths.path import EndEffectorPath
-from freefloat.paths.timing import Leg, TimedPath, Timing
+from freefloat.paths.timing import Prescription, TimedPath, Timing
 from freefloat.so3 import Array, IntArray, frozen
 
 _APART = 1e-6
@@ -102,12 +102,12 @@ class PathStack(TimedPath):
         times = np.unique(np.concatenate([path.breaks for path in self.every]))
         return frozen(times[np.diff(times, prepend=0.0) > _APART * self.duration])
 
-    def leg(self, start: float, end: float) -> Leg:
+    def prescribed_between(self, start: float, end: float) -> Prescription:
         """See :class:`~freefloat.paths.timing.TimedPath`."""
-        legs = [path.leg(start, end) for path in self.every]
+        every = [path.prescribed_between(start, end) for path in self.every]
 
         def twists_and_speed(t: float) -> tuple[Array, float]:
-            twists, speeds = zip(*(leg(t) for leg in legs), strict=True)
+            twists, speeds = zip(*(prescribed(t) for prescribed in every), strict=True)
             return np.concatenate(twists), speeds[0]
 
         return twists_and_speed

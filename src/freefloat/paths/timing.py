@@ -178,7 +178,7 @@ class Timing:
         return np.where(np.less_equal(s, 0.0), 0.0, inside)[()]
 
 
-Leg = Callable[[float], tuple[Array, float]]
+Prescription = Callable[[float], tuple[Array, float]]
 """Twist and path speed by time along a part of a timed path without jumps of its derivatives."""
 
 
@@ -311,7 +311,7 @@ class TimedPath:
             times.append(high)
         return frozen(times[1:-1])
 
-    def leg(self, start: float, end: float) -> Leg:
+    def prescribed_between(self, start: float, end: float) -> Prescription:
         """The twist and path speed between two times [s] without a break between them.
 
         They are also valid a little beyond.

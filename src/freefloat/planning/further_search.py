@@ -19,7 +19,7 @@ from freefloat.ensemble.result import EnsembleResult
 from freefloat.limits.kinds.corridor import CorridorLimit
 from freefloat.limits.limits import Limits
 from freefloat.planning.candidates import Candidate, ScreenedCandidate
-from freefloat.planning.further_starts import Starts, starts_of
+from freefloat.planning.further_starts import SearchStarts, starts_of
 from freefloat.planning.limits.keeping import heading_depth_of, moved_nearer
 from freefloat.planning.limits.trials import PassedTrial, Trials
 from freefloat.planning.limits.violations import COMPARED, Violations, largest_violation
@@ -100,7 +100,7 @@ class _FurtherSearch:
 
     # --- searches -------------------------------------------------------------------------------
 
-    def _best_start(self, starts: Starts) -> PassedTrial | None:
+    def _best_start(self, starts: SearchStarts) -> PassedTrial | None:
         """The motion of the largest merit of those whose compiled ones keep everything."""
         attitudes = starts.attitudes[(starts.merits >= -1.0).any(axis=1)]
         if not len(attitudes):
@@ -111,7 +111,7 @@ class _FurtherSearch:
             return None
         return self._trials.check_candidate(ScreenedCandidate(attitudes[row], int(branch)))
 
-    def _from_smallest_violations(self, starts: Starts) -> PassedTrial | None:
+    def _from_smallest_violations(self, starts: SearchStarts) -> PassedTrial | None:
         """A motion with a small violation that passes; None where none of those tried does."""
         best = self._climbed(starts.best(self._problem.redundant), starts.spacing)
         for _ in range(_CONTINUED):
@@ -187,7 +187,7 @@ class _FurtherSearch:
             branch = int(np.argmax(merit(attitude[None], motions)[0]))
         return ScreenedCandidate(attitude, branch)
 
-    def _improved(self, passed: PassedTrial, starts: Starts) -> PassedTrial:
+    def _improved(self, passed: PassedTrial, starts: SearchStarts) -> PassedTrial:
         """The motion moved to where the objective's merit is larger and everything is kept."""
         search, trials = self._search, self._trials
         attitude, branch = passed[0].motion.initial.attitude, passed[0].branch.index

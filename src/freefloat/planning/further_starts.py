@@ -32,7 +32,7 @@ _MORE = 2
 
 
 @dataclass(frozen=True, eq=False)
-class Starts:
+class SearchStarts:
     """Attitudes from which motions of smaller violations are searched for.
 
     Attributes:
@@ -64,20 +64,20 @@ class Starts:
 
 def starts_of(
     evaluator: FeasibilityEvaluator, plan: Plan, violations: Violations
-) -> Iterator[Starts]:
+) -> Iterator[SearchStarts]:
     """Attitudes to begin from: headings; or samples and varied ones, then further samples."""
 
     def merits(attitudes: Array) -> Array:
         return violations(attitudes, evaluator.evaluate(attitudes).motions)
 
-    def starts(samples: AttitudeMap, others: Array, added: int) -> Starts:
+    def starts(samples: AttitudeMap, others: Array, added: int) -> SearchStarts:
         known = violations(samples.attitudes, samples.results.motions)
         attitudes = np.concatenate([samples.attitudes, others])
-        return Starts(attitudes, np.vstack([known, merits(others)]), samples.spacing, added)
+        return SearchStarts(attitudes, np.vstack([known, merits(others)]), samples.spacing, added)
 
     if plan.map is None:
         attitudes = _headings(plan)
-        yield Starts(attitudes, merits(attitudes), np.pi / _HEADINGS, len(attitudes))
+        yield SearchStarts(attitudes, merits(attitudes), np.pi / _HEADINGS, len(attitudes))
         return
     varied = _varied(evaluator, plan.search, violations)
     yield starts(plan.map, varied, len(varied))
@@ -124,7 +124,7 @@ def _grid(angles: npt.NDArray[np.floating]) -> Array:
 
 def _turned(problem: Problem, attitude: Array, angles: Array) -> Array:
     """An attitude turned about the first joint, then about the start of the path, (K, 2) [rad]."""
-    first = problem.chain().bodies[1]
+    first = problem.model_at().bodies[1]
     axis = rotation_matrix(attitude) @ first.placement.rotation @ first.axis
     start = problem.path.poses(0.0)[0].position
     direction = start / max(float(np.linalg.norm(start)), np.finfo(float).tiny)

@@ -21,7 +21,7 @@ from freefloat.planning.plane.segment import Segment
 from freefloat.planning.settings import Search
 from freefloat.planning.simulated_branch import SimulatedBranch
 from freefloat.planning.space.attitude_map import AttitudeMap
-from freefloat.planning.tolerance import Effort, Tolerance
+from freefloat.planning.tolerance import SearchEffort, Tolerance
 from freefloat.so3 import angle_between, degrees
 
 _MOTION_KEYS = (
@@ -75,7 +75,7 @@ class Plan(Answer):
     segments: tuple[Segment, ...] = field(default=(), repr=False)
     chosen: SimulatedBranch | None = field(default=None, repr=False)
     robust_radius: float | None = None
-    radius_effort: Effort | None = None
+    radius_effort: SearchEffort | None = None
     map: AttitudeMap | None = field(default=None, repr=False)
     tolerance: Tolerance | None = None
     disagreements: tuple[str, ...] = ()

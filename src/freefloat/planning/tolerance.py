@@ -7,7 +7,7 @@ from typing import Any
 
 
 @dataclass(frozen=True)
-class Effort:
+class SearchEffort:
     """How hard a claim about all deviations in a ball was tried to be broken.
 
     Attributes:
@@ -47,7 +47,7 @@ class Tolerance:
     momentum_limit: float
     shortest: float
     longest: float
-    momentum_effort: Effort
+    momentum_effort: SearchEffort
 
     def to_dict(self) -> dict[str, Any]:
         """The JSON document."""

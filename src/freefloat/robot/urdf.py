@@ -89,7 +89,7 @@ def decode(robot: Element, source: str) -> RobotDescription:
     materials = [*robot.iterfind("link/visual/material"), *robot.findall("material")]
     palette = {material.get("name", ""): colour
                for material in materials if (colour := _rgba(material)) is not None}  # fmt: skip
-    decoder = _Decoder(source, palette)
+    decoder = _ElementDecoder(source, palette)
     return RobotDescription(
         name=robot.get("name", ""),
         links=tuple(decoder.link(link) for link in links),
@@ -109,7 +109,7 @@ def revised(robot: RobotDescription, element: Element) -> RobotDescription:
     )
 
 
-class _Decoder(AttributeReader):
+class _ElementDecoder(AttributeReader):
     """Decodes links and joints; collects what is wrong with their attributes."""
 
     def __init__(self, source: str, palette: dict[str, Colour]) -> None:

@@ -37,7 +37,7 @@ class PathFrame(Protocol):
         """Poses of the end-effector at times t [s] relative to the centre of mass."""
 
 
-class Hand(NamedTuple):
+class EndEffectorPoses(NamedTuple):
     """Poses of the end-effector relative to the centre of mass, inertial axes.
 
     Attributes:
@@ -49,7 +49,7 @@ class Hand(NamedTuple):
     actual: Pose
 
     @classmethod
-    def on(cls, pose: Pose) -> Hand:
+    def on(cls, pose: Pose) -> EndEffectorPoses:
         """Those of an end-effector that has the pose that is prescribed."""
         return cls(pose, pose)
 
@@ -115,7 +115,9 @@ class SceneBody:
         """Its frame at time zero, see ``position``."""
         return Pose(self.position, self.orientation)
 
-    def pose_at(self, t: float | Array, path: PathFrame, hand: Hand | None = None) -> Pose:
+    def pose_at(
+        self, t: float | Array, path: PathFrame, hand: EndEffectorPoses | None = None
+    ) -> Pose:
         """Its frame at time t [s] relative to the centre of mass, inertial axes.
 
         Args:
@@ -124,7 +126,7 @@ class SceneBody:
             hand: Poses of the end-effector in place of the path's.
         """
         if self.motion == "target":
-            hand = hand or Hand.on(path.pose(t))
+            hand = hand or EndEffectorPoses.on(path.pose(t))
             return (hand.prescribed if self.payload is None else hand.actual) @ self.pose
         pose = self._turned(t)
         return Pose(pose.position + path.origin(t), pose.rotation)

@@ -13,7 +13,7 @@ from freefloat.ensemble.ensemble import EnsembleIntegrator
 from freefloat.ensemble.starts import starts_at
 from freefloat.ensemble.systems import Systems
 from freefloat.errors import FreeFloatError
-from freefloat.io.scenario.path_schema import PathFrame
+from freefloat.io.scenario.path_schema import FrameName
 from freefloat.io.scenario.scenario import Scenario
 from freefloat.motion.problem import Problem
 from freefloat.robot.model import FreeFloatingModel
@@ -148,7 +148,7 @@ def _unfit_values(
     if relative and vary_robots(study.content.vary, study.variation.listed):
         yield "the robot varies, and with fraction_of: run the margin with it"
     frame = content.path.frame
-    turned = _moves_with_robot(scenario) and frame is not PathFrame.SPACECRAFT
+    turned = _moves_with_robot(scenario) and frame is not FrameName.SPACECRAFT
     if turned and _mounts_vary(parameters):
         yield f"the mount varies, and with it the {frame} frame of the path"
     if "heading_deg" in parameters and not problem.has_headings:
@@ -178,4 +178,4 @@ def _varied_robot(study: Study, document: dict[str, Any], scenario: Scenario) ->
 
 def _moves_with_robot(scenario: Scenario) -> bool:
     """Whether the path is stated in the frame of the spacecraft, of the base, or of a link."""
-    return scenario.content.path.frame not in (PathFrame.INERTIAL, *scenario.scene().names)
+    return scenario.content.path.frame not in (FrameName.INERTIAL, *scenario.scene().names)

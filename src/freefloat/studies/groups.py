@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from freefloat.ensemble.disturbed_motions import integrate_disturbed
-from freefloat.ensemble.equivalence import Equivalents, equivalents
+from freefloat.ensemble.equivalence import ScaledMotions, equivalents
 from freefloat.ensemble.known_limits import KNOWN, KnownLimits, LimitValues
 from freefloat.ensemble.many_motions import ManyMotions
 from freefloat.io.scenario.scenario import Scenario
@@ -189,7 +189,7 @@ class Group:
         return self.limits.places + self.recorded.places
 
     def _with_recorded(
-        self, disturbed: Equivalents, motions: ManyMotions, threads: int
+        self, disturbed: ScaledMotions, motions: ManyMotions, threads: int
     ) -> ManyMotions:
         """Motions with the limits that recorded ones show, of those that keep all else."""
         known = motions.limits

@@ -11,7 +11,7 @@ import numpy as np
 from freefloat.certificate.certificate import (
     Certificate,
     CertifiedMinimum,
-    Comparison,
+    SecondIntegration,
     integrate_again,
     momentum_scale,
 )
@@ -215,7 +215,7 @@ def _rounding(motion: Motion) -> float:
     return _ROUNDING * inertia / motion.problem.path.duration
 
 
-def _second_checks(second: Comparison) -> list[Check]:
+def _second_checks(second: SecondIntegration) -> list[Check]:
     """Check the differences from a second integration."""
     return [
         error_check("attitude, integrated again", second.attitude, _SECOND, "rad",

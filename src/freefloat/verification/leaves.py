@@ -111,7 +111,7 @@ _RULES = {
 
 
 @dataclass
-class Comparison:
+class TreeComparison:
     """The comparison of two trees.
 
     Attributes:
@@ -125,9 +125,9 @@ class Comparison:
     given: list[str] = field(default_factory=list)
 
 
-def compare(stated: Any, known: Known) -> Comparison:
+def compare(stated: Any, known: Known) -> TreeComparison:
     """Compare a record with what is known of it."""
-    comparison, codec = Comparison(), named(kind_of(stated, saved=True).codec)
+    comparison, codec = TreeComparison(), named(kind_of(stated, saved=True).codec)
     for name, entry, found in _leaves("", codec.encode(stated), codec.encode(known)):
         if found is _MISSING:
             comparison.unverified.append(name)

@@ -28,8 +28,8 @@ from freefloat.planning.settings import PLAN_ATTITUDES
 from freefloat.planning.simulated_branch import SimulatedBranch
 from freefloat.planning.space.disturbances import LONGEST, tolerance
 from freefloat.planning.space.mapping import sample_attitudes
-from freefloat.planning.space.robust_radius import Surroundings, robust_radius
-from freefloat.planning.tolerance import Effort, Tolerance
+from freefloat.planning.space.robust_radius import NearbyAttitudes, robust_radius
+from freefloat.planning.tolerance import SearchEffort, Tolerance
 from freefloat.records import Known
 from freefloat.so3 import Array
 from freefloat.verification.comparisons import Check
@@ -41,7 +41,7 @@ _PRECISE = 1e-8
 """Tolerance of the motions from these headings."""
 _CIRCLE = 720
 """Headings on the whole circle."""
-_EFFORT, _MOMENTUM_EFFORT = Effort(1024, 16), Effort(384, 12)
+_EFFORT, _MOMENTUM_EFFORT = SearchEffort(1024, 16), SearchEffort(384, 12)
 """Efforts of the adversarial searches against robust radius and momentum tolerance."""
 _SEED = 31
 """A seed other than the planner's."""
@@ -205,7 +205,7 @@ def _ball_check(evaluator: FeasibilityEvaluator, plan: Plan, chosen: SimulatedBr
     radius, redundant = plan.robust_radius or 0.0, plan.problem.redundant
     branch = None if redundant else chosen.branch.index
     evaluator = evaluator_near(evaluator, chosen.branch.joints)
-    around = Surroundings.of(evaluator, [Candidate(chosen.motion.initial.attitude, branch)])
+    around = NearbyAttitudes.of(evaluator, [Candidate(chosen.motion.initial.attitude, branch)])
     outside = violations(around.regularity, min(radius, np.pi), _EFFORT, _SEED)
     attitudes, _ = around.rotated(outside, np.zeros(len(outside), np.int64))
     failed = sum(not (redundant and keeps_from_nearby(evaluator, a).any()) for a in attitudes)

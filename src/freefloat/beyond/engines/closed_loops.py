@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from freefloat.beyond.engines.mujoco import start
-from freefloat.beyond.engines.mujoco_model import Engine
+from freefloat.beyond.engines.mujoco_model import MuJoCoModel
 from freefloat.beyond.engines.plant import Plants
 from freefloat.dynamics.tasks import Task
 from freefloat.ensemble.rate_commands import RateCommands
@@ -62,7 +62,7 @@ def follow(motion: Motion, times: Array, loops: Loops) -> Courses:
     """
     problem, count, dof = motion.problem, len(loops.factors), motion.problem.model.dof
     controller = _Controller(motion, loops.gains)
-    engine = Engine(problem.system)
+    engine = MuJoCoModel(problem.system)
     start(motion, engine, 0.0, controller.planned_rates)
     plants = Plants(engine, loops.factors, loops.friction, times[1])
     shape = len(times), count

@@ -9,7 +9,7 @@ import numpy as np
 from freefloat.beyond.engines import mujoco
 from freefloat.beyond.engines.forward import ForwardRun, Reference
 from freefloat.beyond.engines.mujoco import InverseRun
-from freefloat.beyond.engines.mujoco_model import Engine
+from freefloat.beyond.engines.mujoco_model import MuJoCoModel
 from freefloat.dynamics.momentum import inertia_matrices
 from freefloat.motion.motion import Motion
 from freefloat.verification.comparisons import Check, error_check, path_tolerances
@@ -33,7 +33,7 @@ class MuJoCo:
 
     def repeated(self, motion: Motion) -> EngineRuns:
         """See :class:`~freefloat.verification.engine.Engine`."""
-        reference, robot = Reference.of(motion), Engine(motion.problem.system)
+        reference, robot = Reference.of(motion), MuJoCoModel(motion.problem.system)
         inverse = mujoco.inverse_run(motion, robot)
         end = mujoco.final_state(motion, robot, reference)
         forward = ForwardRun.of(motion, end, reference.steps)
@@ -46,7 +46,7 @@ class MuJoCo:
         A deviation that is too large is computed with more steps: errors of the servos become
         smaller then, errors of the motion do not.
         """
-        robot = Engine(motion.problem.system)
+        robot = MuJoCoModel(motion.problem.system)
         run = mujoco.forward_run(motion, robot, steps=steps)
         if run.attitude > allowed:
             run = mujoco.forward_run(motion, robot, steps=_FINER * steps)

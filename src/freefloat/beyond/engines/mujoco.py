@@ -15,7 +15,7 @@ from freefloat.beyond.engines.forward import (
     displacements,
     known_span,
 )
-from freefloat.beyond.engines.mujoco_model import Engine
+from freefloat.beyond.engines.mujoco_model import MuJoCoModel
 from freefloat.motion.motion import Motion, State
 from freefloat.so3 import Array
 
@@ -55,7 +55,7 @@ class InverseRun:
     looks: int
 
 
-def inverse_run(motion: Motion, engine: Engine) -> InverseRun:
+def inverse_run(motion: Motion, engine: MuJoCoModel) -> InverseRun:
     """Inverse dynamics of the recorded positions, differentiated twice."""
     first, last = known_span(motion)
     problem, window = motion.problem, _window(motion, first, last)
@@ -121,7 +121,7 @@ def _differentiated(motion: Motion, t: float, window: float) -> tuple[Array, Arr
     return value, rate, acceleration
 
 
-def _off_path(motion: Motion, engine: Engine, t: float) -> float:
+def _off_path(motion: Motion, engine: MuJoCoModel, t: float) -> float:
     """Largest distance of MuJoCo's end-effectors from their paths [m]."""
     rows = [row for row in motion.problem.task.rows if row < 3]
     places = [path.path.curve(path.timing.s(t)) for path in motion.problem.path.every]
@@ -131,7 +131,7 @@ def _off_path(motion: Motion, engine: Engine, t: float) -> float:
     return float(np.linalg.norm(offsets[:, rows], axis=1).max())
 
 
-def forward_run(motion: Motion, engine: Engine, *, steps: int | None = None) -> ForwardRun:
+def forward_run(motion: Motion, engine: MuJoCoModel, *, steps: int | None = None) -> ForwardRun:
     """Simulate a free base with joint servos that follow the recorded joints.
 
     Attitude and position of the spacecraft are not controlled: their deviations at the end are the
@@ -146,7 +146,7 @@ def forward_run(motion: Motion, engine: Engine, *, steps: int | None = None) -> 
     return ForwardRun.of(motion, final_state(motion, engine, reference), reference.steps)
 
 
-def final_state(motion: Motion, engine: Engine, reference: Reference) -> State:
+def final_state(motion: Motion, engine: MuJoCoModel, reference: Reference) -> State:
     """The state at the end of such a simulation.
 
     The servos are computed-torque controllers on MuJoCo's own mass matrix.
@@ -172,7 +172,7 @@ def final_state(motion: Motion, engine: Engine, reference: Reference) -> State:
     return State(reference.last, engine.attitude, joints, engine.base_position - drift)
 
 
-def start(motion: Motion, engine: Engine, t: float, rates: Array) -> None:
+def start(motion: Motion, engine: MuJoCoModel, t: float, rates: Array) -> None:
     """Set the state of a motion at a time, in the frame of the path, with the engine's momentum.
 
     Args:

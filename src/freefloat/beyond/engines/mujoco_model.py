@@ -47,7 +47,7 @@ def engine_module() -> Any:
     return mujoco
 
 
-class Engine:
+class MuJoCoModel:
     """A robot in MuJoCo: free or planar base, no gravity, no contacts, no joint limits.
 
     Wheels with a momentum h_w exert the torque -omega x h_w on the spacecraft.

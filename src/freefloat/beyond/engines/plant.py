@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from freefloat.beyond.engines.mujoco_model import Engine
+from freefloat.beyond.engines.mujoco_model import MuJoCoModel
 from freefloat.beyond.engines.servo_steps import (
     Dynamics,
     Friction,
@@ -37,7 +37,7 @@ class Plants:
     connect them.
     """
 
-    def __init__(self, engine: Engine, factors: Array, friction: Array, period: float) -> None:
+    def __init__(self, engine: MuJoCoModel, factors: Array, friction: Array, period: float) -> None:
         """Take over an engine in its initial state.
 
         Args:

@@ -275,7 +275,7 @@ def _tracked(motion: Motion, times: Array, columns: dict[str, list[Any]]) -> lis
     pairs = list(zip(columns["noise"], generators, strict=True))
     noise = np.stack([size * rng.standard_normal((periods, 9 + dof)) for size, rng in pairs], 1)
     unique, places = np.unique(factors, axis=0, return_inverse=True)
-    robots = [_Robot.of(motion, row) for row in unique]
+    robots = [_SimulatedRobot.of(motion, row) for row in unique]
     chosen = [robots[place] for place in places.tolist()]
     loops = Loops(factors, noise, np.array(columns["friction"]), np.array(columns["gain"]))
     courses = follow(motion, times, loops)
@@ -290,14 +290,14 @@ def _tracked(motion: Motion, times: Array, columns: dict[str, list[Any]]) -> lis
 
 
 @dataclass(frozen=True, eq=False)
-class _Robot:
+class _SimulatedRobot:
     """A simulated robot."""
 
     model: FreeFloatingModel
     values: MeasureValues
 
     @classmethod
-    def of(cls, motion: Motion, factors: Array) -> _Robot:
+    def of(cls, motion: Motion, factors: Array) -> _SimulatedRobot:
         """The robot with mass and inertia of every body multiplied by factors (1 + n,)."""
         nominal, problem = motion.problem.model, motion.problem
         places = nominal.link_places.items()

@@ -113,7 +113,7 @@ def distance_to_singularity(
     S = polynomial or SingularityPolynomial.of(model, task)
     if any((basis.upper - basis.lower < 2.0 * np.pi) & (not basis.prismatic) for basis in S.bases):
         raise InputError("polynomial", "some of its joints are fixed", "that of all joints")
-    search = _Search(S, q, lower, upper)
+    search = _ZeroSearch(S, q, lower, upper)
     lower_bound = search.lower_bound()
     if search.nearest is None:
         return SingularityDistance(lower_bound, math.inf, None, None, None)
@@ -140,7 +140,7 @@ def _immovable(model: FreeFloatingModel, joints: Array, task: Task) -> Array:
     return np.asarray(w / np.linalg.norm(w))
 
 
-class _Search:
+class _ZeroSearch:
     """The nearest zero of a polynomial to joint values q (n,) within bounds (n,)."""
 
     def __init__(self, S: JointPolynomial, q: Array, lower: Array, upper: Array) -> None:

@@ -17,7 +17,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from freefloat.beyond.joint_space.joint_sections import (
-    Section,
+    JointSection,
     influential_joints,
     joint_unit,
     section,
@@ -81,7 +81,7 @@ def singularity_figures(found: SingularityMap, at: npt.ArrayLike | None = None) 
 
 
 @styled
-def _plane_figure(plane: Section) -> Figure:
+def _plane_figure(plane: JointSection) -> Figure:
     """The figure of the two joints on which det A depends."""
     figure = new_figure(COLUMN, 3.8)
     handles = _draw_section(figure.subplots(), plane)
@@ -90,7 +90,7 @@ def _plane_figure(plane: Section) -> Figure:
 
 
 @styled
-def _slices_figure(planes: Sequence[Section]) -> Figure:
+def _slices_figure(planes: Sequence[JointSection]) -> Figure:
     """The figure of sections over pairs of joints, with the other joints' values below."""
     rows = len(planes) // 3
     figure = new_figure(PAGE, 0.65 + 2.2 * rows)
@@ -98,7 +98,7 @@ def _slices_figure(planes: Sequence[Section]) -> Figure:
     handles: dict[str, Any] = {}
     for axes, plane in zip(panels, planes, strict=True):
         handles |= {str(handle.get_label()): handle for handle in _draw_section(axes, plane)}
-    shown = Section(planes[0].found, (), planes[0].at).constants()
+    shown = JointSection(planes[0].found, (), planes[0].at).constants()
     caption = fill(f"The joints that are not on a panel's axes: {shown}.", _CAPTION_LENGTH)
     figure.legend(
         handles=list(handles.values()), title=caption, title_fontsize=7.0,
@@ -107,7 +107,7 @@ def _slices_figure(planes: Sequence[Section]) -> Figure:
     return figure
 
 
-def _draw_section(axes: Any, plane: Section) -> list[Any]:
+def _draw_section(axes: Any, plane: JointSection) -> list[Any]:
     """Draw a section over two joints, the first one to the right, and return its legend's entries.
 
     The zeros of det A are drawn where it changes its sign.
@@ -148,7 +148,7 @@ def _beneath_zeros(values: Array) -> npt.NDArray[np.bool_]:
     return np.asarray(scipy.ndimage.binary_dilation(crossed))
 
 
-def _frame(axes: Any, plane: Section, units: Sequence[tuple[str, float]]) -> None:
+def _frame(axes: Any, plane: JointSection, units: Sequence[tuple[str, float]]) -> None:
     """Name the axes, and put ticks at quarters of a revolution."""
     names = [plane.found.model.joint_names[joint] for joint in plane.joints]
     axes.set_xlabel(axis_label(names[0], units[0][0]))

@@ -22,7 +22,7 @@ _STEP = np.radians(5.0)
 
 
 @dataclass(frozen=True, eq=False)
-class Section:
+class JointSection:
     """The joint space with all joints but a few at constant values.
 
     Attributes:
@@ -85,7 +85,7 @@ class Section:
 
 def section(
     found: SingularityMap, joints: Sequence[int], at: npt.ArrayLike | None = None
-) -> Section:
+) -> JointSection:
     """The section over some joints; ``at`` is by default :func:`reference_configuration`.
 
     Raises:
@@ -95,7 +95,7 @@ def section(
         values = reference_configuration(found)
     else:
         values = finite_vector("at", at, len(found.model.joint_names))
-    return Section(found, tuple(joints), values)
+    return JointSection(found, tuple(joints), values)
 
 
 def joint_unit(found: SingularityMap, joint: int) -> tuple[str, float]:

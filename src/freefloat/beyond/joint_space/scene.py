@@ -13,7 +13,7 @@ import numpy.typing as npt
 from contourpy import contour_generator
 
 from freefloat.beyond.joint_space.joint_sections import (
-    Section,
+    JointSection,
     influential_joints,
     joint_unit,
     section,
@@ -34,7 +34,7 @@ from freefloat.visualization.scenes.scene_builder import (
     BACK_SIDE,
     FRONT_SIDE,
     ROOT,
-    Scene,
+    PageScene,
     SceneBuilder,
 )
 
@@ -63,7 +63,7 @@ def singularity_scene(
     title: str = "freefloat",
     joints: Sequence[str] | None = None,
     at: npt.ArrayLike | None = None,
-) -> Scene:
+) -> PageScene:
     """The scene of a map of the joint space, for a page with a title.
 
     Over three joints it is the surface where det A vanishes, over two joints det A itself.
@@ -105,7 +105,7 @@ def _indices(found: SingularityMap, joints: Sequence[str] | None) -> list[int]:
     return [names.index(name) for name in joints]
 
 
-def surface(part: Section) -> tuple[Array, IntArray]:
+def surface(part: JointSection) -> tuple[Array, IntArray]:
     """The surface det A = 0 of a section over three joints.
 
     The front of its faces, whose corners run anticlockwise, is that of det A > 0.
@@ -131,7 +131,7 @@ def surface(part: Section) -> tuple[Array, IntArray]:
     return vertices, faces
 
 
-def _draw_surface(builder: SceneBuilder, root: str, part: Section) -> list[str]:
+def _draw_surface(builder: SceneBuilder, root: str, part: JointSection) -> list[str]:
     """Draw the surface det A = 0 in a colour for each side; return the items."""
     vertices, faces = surface(part)
     if not len(faces):
@@ -144,7 +144,7 @@ def _draw_surface(builder: SceneBuilder, root: str, part: Section) -> list[str]:
     return [ZEROS]
 
 
-def _draw_height(builder: SceneBuilder, root: str, part: Section) -> list[str]:
+def _draw_height(builder: SceneBuilder, root: str, part: JointSection) -> list[str]:
     """Draw det A, relative to its largest magnitude, over two joints; return the items."""
     count = _FINE + 1
     grid = part.grid(part.ticks(np.linspace(0.0, 1.0, count)))
@@ -168,12 +168,12 @@ def _draw_height(builder: SceneBuilder, root: str, part: Section) -> list[str]:
     return [HEIGHT, ZEROS]
 
 
-def _placed(part: Section, values: Array) -> Array:
+def _placed(part: JointSection, values: Array) -> Array:
     """Places in the scene [m] of joint values, from -1 to 1 over their ranges."""
     return 2.0 * (values - part.lower) / (part.upper - part.lower) - 1.0
 
 
-def _draw_box(builder: SceneBuilder, root: str, part: Section) -> list[Label]:
+def _draw_box(builder: SceneBuilder, root: str, part: JointSection) -> list[Label]:
     """Draw the edges of the cube and return the labels of its axes."""
     labels = []
     corners = list(product((-1.0, 1.0), repeat=3))
@@ -192,7 +192,7 @@ def _draw_box(builder: SceneBuilder, root: str, part: Section) -> list[Label]:
     return labels
 
 
-def _scales(part: Section) -> Iterator[tuple[str, str, str]]:
+def _scales(part: JointSection) -> Iterator[tuple[str, str, str]]:
     """Yield the lower end, the name and the upper end of each axis."""
     for joint, low, high in zip(part.joints, part.lower, part.upper, strict=True):
         unit, factor = joint_unit(part.found, joint)
@@ -203,7 +203,7 @@ def _scales(part: Section) -> Iterator[tuple[str, str, str]]:
         yield digits(-1.0), "det A / max", "1"
 
 
-def _lines(part: Section, drawn: bool) -> Iterator[str]:
+def _lines(part: JointSection, drawn: bool) -> Iterator[str]:
     """Text of the scene: the other joints, and how much of the joint space is certified."""
     volumes = part.found.volumes
     if constants := part.constants():

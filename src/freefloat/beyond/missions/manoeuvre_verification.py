@@ -127,7 +127,7 @@ def _phase_report(
 
 def _handover_checks(manoeuvre: Manoeuvre) -> Iterator[Check]:
     """Each phase begins with the state at which the one before ends."""
-    before: tuple[PhaseResult, _State] | None = None
+    before: tuple[PhaseResult, _JoinState] | None = None
     for phase in manoeuvre.phases:
         motion = phase.motion
         if before is not None and phase.kind == CapturePhase.kind:
@@ -143,7 +143,7 @@ def _handover_checks(manoeuvre: Manoeuvre) -> Iterator[Check]:
 
 
 @dataclass(frozen=True, eq=False)
-class _State:
+class _JoinState:
     """Where a phase begins or ends, the base position in the frame of the manoeuvre.
 
     Joints are those of the arm that follows the path.
@@ -156,16 +156,16 @@ class _State:
     base_rate: Array
 
 
-def _state(phase: PhaseResult, motion: Motion, state: State) -> _State:
+def _state(phase: PhaseResult, motion: Motion, state: State) -> _JoinState:
     """A state of a motion with its rates."""
     where, drift = (state.attitude, state.joints), motion.problem.path.drift
     rates, arm = motion.law.rates(state.time, *where), motion.problem.arm_joints
     base = phase.centre + state.time * drift + state.base_position
-    return _State(state.attitude, state.joints[arm], base, rates.joints[arm], rates.base)
+    return _JoinState(state.attitude, state.joints[arm], base, rates.joints[arm], rates.base)
 
 
 def _joint_checks(
-    phase: PhaseResult, first: _State, before: PhaseResult, last: _State
+    phase: PhaseResult, first: _JoinState, before: PhaseResult, last: _JoinState
 ) -> Iterator[Check]:
     """Configuration and rates where two phases join."""
     angle = float(angle_between(last.attitude, first.attitude))
@@ -178,7 +178,7 @@ def _joint_checks(
     yield error_check(f"{phase.name}: rates at its start", error, JUMP, "rad/s, m/s", phase.start)
 
 
-def _capture_checks(phase: PhaseResult, result: Capture, state: _State) -> Iterator[Check]:
+def _capture_checks(phase: PhaseResult, result: Capture, state: _JoinState) -> Iterator[Check]:
     """The momentum is that of the new robot at its rates."""
     A = conserved(result.model, momentum_map(result.model, state.joints, state.attitude))
     omega = rotation_matrix(state.attitude).T @ result.base_rate

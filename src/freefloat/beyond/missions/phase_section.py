@@ -28,7 +28,7 @@ from freefloat.io.scenario.field_types import (
     Vector,
     exactly_one_of,
 )
-from freefloat.io.scenario.path_schema import PathFrame, PathSection
+from freefloat.io.scenario.path_schema import FrameName, PathSection
 from freefloat.io.scenario.path_section import path_of, section_of
 from freefloat.io.scenario.timing_section import TimingSection, timing_content
 from freefloat.motion.problem import Problem
@@ -139,12 +139,12 @@ class PhaseSection(Section):
     ) -> TimedPath | RelativePath:
         section, timing = cast(PathSection, self.path), cast(TimingSection, self.timing)
         kind = section.frame
-        known = [PathFrame.INERTIAL, *scene.names]
+        known = [FrameName.INERTIAL, *scene.names]
         if kind not in known:
             raise InputError("path.frame", f"{kind!s} was given", ", ".join(known))
         with keys_within("path"):
             path = path_of(section, task, samples, folder, None)
-        if kind is PathFrame.INERTIAL:
+        if kind is FrameName.INERTIAL:
             return TimedPath(path, timing.to_timing())
         return RelativePath(scene.bodies[scene.names.index(kind)], path, timing.to_timing())
 

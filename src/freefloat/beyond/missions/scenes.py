@@ -7,10 +7,10 @@ from freefloat.beyond.missions.phases.manoeuvre import Manoeuvre
 from freefloat.errors import InputError
 from freefloat.motion.motion import Motion
 from freefloat.visualization.scenes.scene import Place, motion_scene
-from freefloat.visualization.scenes.scene_builder import Scene
+from freefloat.visualization.scenes.scene_builder import PageScene
 
 
-def goal_scene(result: GoalMotion, title: str) -> Scene:
+def goal_scene(result: GoalMotion, title: str) -> PageScene:
     """The scene of a motion to a goal; an InputError without one."""
     motion = result.phases[0].shown_motion
     if motion is None:
@@ -19,7 +19,7 @@ def goal_scene(result: GoalMotion, title: str) -> Scene:
     return motion_scene({result.kind: motion}, title, result.limits.pointing)
 
 
-def manoeuvre_scene(manoeuvre: Manoeuvre, title: str) -> Scene:
+def manoeuvre_scene(manoeuvre: Manoeuvre, title: str) -> PageScene:
     """The scene of the motions of a manoeuvre, in the frame of its first path.
 
     Raises:

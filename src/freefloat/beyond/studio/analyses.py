@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from freefloat.beyond.studio.analysis import Analysis
 from freefloat.beyond.studio.goal_analysis import GoalAnalysis
-from freefloat.beyond.studio.messages import State
+from freefloat.beyond.studio.messages import WorkerState
 from freefloat.beyond.studio.path_analysis import PathAnalysis
-from freefloat.beyond.studio.robots import Robots
+from freefloat.beyond.studio.robots import RobotCache
 from freefloat.io.scenario.scenario import parse_scenario
 
 
-def analysis_of(state: State, robots: Robots) -> Analysis:
+def analysis_of(state: WorkerState, robots: RobotCache) -> Analysis:
     """The analysis of the scenario of a state.
 
     Raises:

@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 from pathlib import Path
 from typing import Any
 
-from freefloat.beyond.studio.messages import Answer, State
+from freefloat.beyond.studio.messages import WorkerAnswer, WorkerState
 from freefloat.beyond.studio.motions import motion_answer, place, playback_of
 from freefloat.concurrency import Progress
 from freefloat.io.records.results import save
@@ -22,7 +22,7 @@ Attitude = tuple[float, ...] | None
 class Analysis(ABC):
     """Answers about one scenario."""
 
-    def __init__(self, state: State, scenario: Scenario) -> None:
+    def __init__(self, state: WorkerState, scenario: Scenario) -> None:
         """Keep the scenario of a state, with its robot.
 
         Raises:
@@ -33,16 +33,16 @@ class Analysis(ABC):
         self._playback: Playback | None = None
         self._shown: tuple[Attitude, int] | None = None
 
-    def poses(self, state: State) -> bool:
+    def poses(self, state: WorkerState) -> bool:
         """Whether a state has the same scenario."""
         return (state.text, state.source) == (self._text, self._source)
 
     @abstractmethod
-    def outline(self) -> Answer:
+    def outline(self) -> WorkerAnswer:
         """What is edited: handles and the values of the sliders."""
 
     @abstractmethod
-    def urgent(self, state: State, progress: Progress) -> Answer | None:
+    def urgent(self, state: WorkerState, progress: Progress) -> WorkerAnswer | None:
         """The next answer that a state lacks and that comes before what the user asks for.
 
         Args:
@@ -51,23 +51,23 @@ class Analysis(ABC):
         """
 
     @abstractmethod
-    def further(self, progress: Progress) -> Answer | None:
+    def further(self, progress: Progress) -> WorkerAnswer | None:
         """The next answer that can wait."""
 
     @abstractmethod
-    def save(self, file: Path, attitude: Attitude) -> Answer:
+    def save(self, file: Path, attitude: Attitude) -> WorkerAnswer:
         """Plan, from the attitude that is chosen, and save the result."""
 
-    def page(self) -> Answer:
+    def page(self) -> WorkerAnswer:
         """The page that plays the motion shown."""
         if self._playback is None:
-            return Answer("page", {"refused": "there is no motion"})
-        return Answer("page", {"html": self._playback.html()})
+            return WorkerAnswer("page", {"refused": "there is no motion"})
+        return WorkerAnswer("page", {"html": self._playback.html()})
 
     def _show(
-        self, state: State, motion: Motion | None, problem: Problem, attitude: Array,
+        self, state: WorkerState, motion: Motion | None, problem: Problem, attitude: Array,
         title: str, outcome: str | None,
-    ) -> Answer:  # fmt: skip
+    ) -> WorkerAnswer:  # fmt: skip
         """Show a motion with a title and its outcome; without one the attitude and why."""
         self._shown = state.attitude, state.choice
         if motion is None:
@@ -76,18 +76,20 @@ class Analysis(ABC):
         else:
             self._playback = playback_of(motion, self._limits)
             content = motion_answer(motion, self._playback, title, outcome)
-        return Answer("motion", {**content, "choice": state.choice})
+        return WorkerAnswer("motion", {**content, "choice": state.choice})
 
-    def _saved(self, result: Any, file: Path, scenario: Scenario | None) -> Answer:
+    def _saved(self, result: Any, file: Path, scenario: Scenario | None) -> WorkerAnswer:
         """Save a result, unless it is infeasible, to a file that does not exist yet."""
         if not result.feasible:
-            return Answer("saved", {"refused": f"not saved: {result.reason}"})
+            return WorkerAnswer("saved", {"refused": f"not saved: {result.reason}"})
         file = _free(file)
         save(result, file, scenario)
         contact = None if result.contact is None else str(result.contact)
-        return Answer("saved", {"file": str(file), "reason": result.reason, "contact": contact})
+        return WorkerAnswer(
+            "saved", {"file": str(file), "reason": result.reason, "contact": contact}
+        )
 
-    def _wants_motion(self, state: State) -> bool:
+    def _wants_motion(self, state: WorkerState) -> bool:
         """Whether a state has another attitude than that of the motion shown."""
         return self._shown != (state.attitude, state.choice)
 

@@ -7,9 +7,9 @@ from typing import Any
 
 from freefloat.beyond.studio.analysis import Analysis, Attitude
 from freefloat.beyond.studio.goal_outline import goal_outline
-from freefloat.beyond.studio.messages import Answer, State
+from freefloat.beyond.studio.messages import WorkerAnswer, WorkerState
 from freefloat.beyond.studio.motions import limits_answer
-from freefloat.beyond.studio.robots import Robots
+from freefloat.beyond.studio.robots import RobotCache
 from freefloat.concurrency import Progress
 from freefloat.errors import InputError
 from freefloat.io.scenario.scenario import Scenario
@@ -21,7 +21,7 @@ from freefloat.motion.problem import Problem
 class GoalAnalysis(Analysis):
     """Answers about a scenario with a goal."""
 
-    def __init__(self, state: State, scenario: Scenario, robots: Robots) -> None:
+    def __init__(self, state: WorkerState, scenario: Scenario, robots: RobotCache) -> None:
         """Pose the problem of a scenario.
 
         Raises:
@@ -33,11 +33,11 @@ class GoalAnalysis(Analysis):
         self._sketched, self._unchecked = False, False
         self._found: Any = None
 
-    def outline(self) -> Answer:
+    def outline(self) -> WorkerAnswer:
         """The goal, its handle and the values of the sliders."""
-        return Answer("outline", goal_outline(self._scenario, self._posed))
+        return WorkerAnswer("outline", goal_outline(self._scenario, self._posed))
 
-    def urgent(self, state: State, progress: Progress) -> Answer | None:
+    def urgent(self, state: WorkerState, progress: Progress) -> WorkerAnswer | None:
         """A sketch while the goal is dragged, then the motion and its limits."""
         if state.dragging:
             return None if self._sketched else self._sketch(state)
@@ -45,20 +45,20 @@ class GoalAnalysis(Analysis):
             return self._move(state, progress)
         if self._unchecked:
             self._unchecked = False
-            return Answer("limits", {"results": limits_answer(self._found.limit_results)})
+            return WorkerAnswer("limits", {"results": limits_answer(self._found.limit_results)})
         return None
 
-    def further(self, progress: Progress) -> Answer | None:
+    def further(self, progress: Progress) -> WorkerAnswer | None:
         """Nothing: there are no maps of attitudes."""
         return None
 
-    def save(self, file: Path, attitude: Attitude) -> Answer:
+    def save(self, file: Path, attitude: Attitude) -> WorkerAnswer:
         """Save the motion that was found."""
         if self._found is None:
-            return Answer("saved", {"refused": "not saved: no motion was found"})
+            return WorkerAnswer("saved", {"refused": "not saved: no motion was found"})
         return self._saved(self._found, file, self._scenario)
 
-    def _sketch(self, state: State) -> Answer:
+    def _sketch(self, state: WorkerState) -> WorkerAnswer:
         """A motion to the goal that limits may forbid; never abandoned, so that drags show some."""
         self._sketched = True
         try:
@@ -67,12 +67,12 @@ class GoalAnalysis(Analysis):
             motion = None
         return self._showing(state, motion, "a sketch, which need not keep clear of bodies")
 
-    def _move(self, state: State, progress: Progress) -> Answer:
+    def _move(self, state: WorkerState, progress: Progress) -> WorkerAnswer:
         """The motion to the goal, or why there is none."""
         self._found = self._posed.plan(progress=progress)
         self._unchecked = True
         return self._showing(state, self._found.motion, self._found.reason)
 
-    def _showing(self, state: State, motion: Motion | None, outcome: str) -> Answer:
+    def _showing(self, state: WorkerState, motion: Motion | None, outcome: str) -> WorkerAnswer:
         """Show a motion, or the present attitude where there is none."""
         return self._show(state, motion, self._problem, self._posed.present[0], "goal", outcome)

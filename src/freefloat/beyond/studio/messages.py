@@ -93,18 +93,18 @@ class Explain(_Message):
     sample: Annotated[int, Field(ge=0)]
 
 
-class Step(_Message):
+class EditStep(_Message):
     """Undo or redo an edit, or save the plan."""
 
     type: Literal["undo", "redo", "save"]
 
 
 Edit = MoveHandle | TurnEnd | SetMomentum | SetDuration | SetMargin
-Message = Annotated[Edit | Open | Choose | Explain | Step, Field(discriminator="type")]
+Message = Annotated[Edit | Open | Choose | Explain | EditStep, Field(discriminator="type")]
 _MESSAGE: TypeAdapter[Any] = TypeAdapter(Message)
 
 
-def parse_message(text: str | bytes) -> Edit | Open | Choose | Explain | Step:
+def parse_message(text: str | bytes) -> Edit | Open | Choose | Explain | EditStep:
     """The message in a JSON text.
 
     Raises:
@@ -127,7 +127,7 @@ def page_text(error: FreeFloatError) -> str:
 
 
 @dataclass(frozen=True)
-class State:
+class WorkerState:
     """What the worker is to show.
 
     Attributes:
@@ -148,7 +148,7 @@ class State:
 
 
 @dataclass(frozen=True)
-class Task:
+class WorkerTask:
     """One thing that the worker is to do.
 
     Attributes:
@@ -161,7 +161,7 @@ class Task:
 
 
 @dataclass(frozen=True)
-class Answer:
+class WorkerAnswer:
     """Part of the worker's answer to a state, or to a task.
 
     Attributes:

@@ -9,14 +9,14 @@ import numpy as np
 
 from freefloat.beyond.studio.analysis import Analysis, Attitude
 from freefloat.beyond.studio.attitudes import ball, best_sample, dial
-from freefloat.beyond.studio.messages import Answer, State
+from freefloat.beyond.studio.messages import WorkerAnswer, WorkerState
 from freefloat.beyond.studio.motions import (
     best_motion,
     limits_answer,
     motion_within_limits,
 )
 from freefloat.beyond.studio.outline import outline
-from freefloat.beyond.studio.robots import Robots
+from freefloat.beyond.studio.robots import RobotCache
 from freefloat.concurrency import Progress
 from freefloat.io.scenario.scenario import Scenario
 from freefloat.limits.check import check_limits
@@ -44,7 +44,7 @@ class PathAnalysis(Analysis):
         level: Number of maps that were made.
     """
 
-    def __init__(self, state: State, scenario: Scenario, robots: Robots) -> None:
+    def __init__(self, state: WorkerState, scenario: Scenario, robots: RobotCache) -> None:
         """Pose the problem of a scenario.
 
         Raises:
@@ -63,11 +63,11 @@ class PathAnalysis(Analysis):
         """Sizes of its maps."""
         return _HEADINGS if self._problem.has_headings else _ATTITUDES
 
-    def outline(self) -> Answer:
+    def outline(self) -> WorkerAnswer:
         """The path, its handles and the values of the sliders."""
-        return Answer("outline", outline(self._scenario, self._problem, self._largest))
+        return WorkerAnswer("outline", outline(self._scenario, self._problem, self._largest))
 
-    def urgent(self, state: State, progress: Progress) -> Answer | None:
+    def urgent(self, state: WorkerState, progress: Progress) -> WorkerAnswer | None:
         """Coarse maps, then the motion and its limits."""
         if self.level < min(_WHILE_DRAGGING, len(self.levels) - 1):
             return self.next_map(progress)
@@ -77,11 +77,11 @@ class PathAnalysis(Analysis):
             return self.motion(state, progress)
         return self.limits() if self._unchecked else None
 
-    def further(self, progress: Progress) -> Answer | None:
+    def further(self, progress: Progress) -> WorkerAnswer | None:
         """The finest map."""
         return self.next_map(progress) if self.level < len(self.levels) else None
 
-    def next_map(self, progress: Progress) -> Answer:
+    def next_map(self, progress: Progress) -> WorkerAnswer:
         """The next, finer map; with the last one of a planar task the exact ranges.
 
         Args:
@@ -98,9 +98,9 @@ class PathAnalysis(Analysis):
         self.level += 1
         reached = self._map.results.exist.any()
         remark = None if reached else reach_message(self._problem)
-        return Answer("attitudes", {**content, "remark": remark, "finest": last}, reasons)
+        return WorkerAnswer("attitudes", {**content, "remark": remark, "finest": last}, reasons)
 
-    def motion(self, state: State, progress: Progress) -> Answer:
+    def motion(self, state: WorkerState, progress: Progress) -> WorkerAnswer:
         """The motion from the attitude of a state.
 
         Without one it is that of the largest margin in the map that keeps the limits; where none
@@ -123,13 +123,13 @@ class PathAnalysis(Analysis):
         motion, title = self._motion.motion, self._motion.title
         return self._show(state, motion, self._problem, chosen, title, None)
 
-    def limits(self) -> Answer:
+    def limits(self) -> WorkerAnswer:
         """The limits along the motion shown."""
         self._unchecked = False
         results = () if self._motion is None else check_limits(self._motion.motion, self._limits)
-        return Answer("limits", {"results": limits_answer(results)})
+        return WorkerAnswer("limits", {"results": limits_answer(results)})
 
-    def save(self, file: Path, attitude: Attitude) -> Answer:
+    def save(self, file: Path, attitude: Attitude) -> WorkerAnswer:
         """Plan from the attitude, or from the nearest feasible one, and save the plan.
 
         Without an attitude the objective of the scenario decides. Phases that follow the path are

@@ -10,7 +10,7 @@ from contextlib import suppress
 from multiprocessing.connection import Connection
 from multiprocessing.context import SpawnProcess
 
-from freefloat.beyond.studio.messages import Answer, State, Task
+from freefloat.beyond.studio.messages import WorkerAnswer, WorkerState, WorkerTask
 from freefloat.beyond.studio.worker import work
 from freefloat.process_starts import isolated_starts
 
@@ -29,7 +29,7 @@ class WorkerProcess:
         busy: Whether an answer is under way.
     """
 
-    def __init__(self, answered: Callable[[Answer], None], lost: Callable[[], None]) -> None:
+    def __init__(self, answered: Callable[[WorkerAnswer], None], lost: Callable[[], None]) -> None:
         """Start a process; needs a running event loop.
 
         Args:
@@ -48,7 +48,7 @@ class WorkerProcess:
         """Its number."""
         return self._process.pid
 
-    def send(self, message: State | Task) -> None:
+    def send(self, message: WorkerState | WorkerTask) -> None:
         """Send a message; an earlier state is abandoned for a new one."""
         self.busy = True
         self._watch()
@@ -82,7 +82,7 @@ class WorkerProcess:
             except (EOFError, OSError):
                 self._loop.call_soon_threadsafe(self._restart, connection)
 
-    def _receive(self, connection: Connection, answer: Answer) -> None:
+    def _receive(self, connection: Connection, answer: WorkerAnswer) -> None:
         if connection is not self._connection:
             return
         self.busy, self._failures = answer.kind != "idle", 0

@@ -13,7 +13,7 @@ _KNOWN = 8
 """Robots that are kept."""
 
 
-class Robots:
+class RobotCache:
     """Models of robots, and the largest magnitudes of measures, which edits do not change."""
 
     def __init__(self) -> None:

@@ -94,10 +94,10 @@ class _Studio:
             [
                 (r"/[^/]+/", _Page, {"studio": self}),
                 (r"/[^/]+/socket", _Socket, {"studio": self}),
-                (r"/[^/]+/motion\.html", _Motion, {"studio": self}),
+                (r"/[^/]+/motion\.html", _MotionHandler, {"studio": self}),
                 (r"/[^/]+/([a-z]+\.[a-z]+)", _File, {"studio": self}),
             ],
-            default_handler_class=_Handler, default_handler_args={"studio": self},
+            default_handler_class=_StudioHandler, default_handler_args={"studio": self},
             log_function=lambda handler: None, websocket_ping_interval=_PING,
             websocket_max_message_size=_LARGEST_MESSAGE,
         )  # fmt: skip
@@ -114,7 +114,7 @@ class _Studio:
             browser.tell(message)
 
 
-class _Handler(RequestHandler):
+class _StudioHandler(RequestHandler):
     def initialize(self, studio: _Studio) -> None:
         self.studio = studio
 
@@ -131,13 +131,13 @@ class _Handler(RequestHandler):
         raise HTTPError(404)
 
 
-class _Page(_Handler):
+class _Page(_StudioHandler):
     def get(self, *_: str) -> None:
         page = (_HERE / "page.html").read_text(encoding="utf-8")
         self.finish(page.replace("@LICENCES@", licences()))
 
 
-class _File(_Handler):
+class _File(_StudioHandler):
     def get(self, *names: str) -> None:
         file = _FILES.get(names[0])
         if file is None:
@@ -146,7 +146,7 @@ class _File(_Handler):
         self.finish(file.read_bytes())
 
 
-class _Motion(_Handler):
+class _MotionHandler(_StudioHandler):
     async def get(self, *_: str) -> None:  # type: ignore[override]
         page = await self.studio.session.page()
         if page is None:

@@ -12,14 +12,14 @@ import numpy as np
 from freefloat.beyond.studio.document import Document
 from freefloat.beyond.studio.edits import edited
 from freefloat.beyond.studio.messages import (
-    Answer,
     Choose,
     Edit,
+    EditStep,
     Explain,
     Open,
-    State,
-    Step,
-    Task,
+    WorkerAnswer,
+    WorkerState,
+    WorkerTask,
     page_text,
     parse_message,
 )
@@ -90,10 +90,10 @@ class Session:
         """The page that plays the motion shown; None where there is none."""
         future: asyncio.Future[str | None] = asyncio.get_running_loop().create_future()
         self._pages.append(future)
-        self.worker.send(Task("page"))
+        self.worker.send(WorkerTask("page"))
         return await future
 
-    def _handle(self, message: Edit | Open | Choose | Explain | Step, reply: Send) -> None:
+    def _handle(self, message: Edit | Open | Choose | Explain | EditStep, reply: Send) -> None:
         match message:
             case Open(scenario=name):
                 if name != self._own and name not in bundled_scenarios():
@@ -109,9 +109,9 @@ class Session:
             case Explain(samples=number, sample=sample):
                 if number == self._sets and sample < len(self._reasons):
                     reply({"type": "reason", "sample": sample, "text": self._reasons[sample]})
-            case Step(type="save"):
-                self.worker.send(Task("save", self._folder / self._document.file_name))
-            case Step(type=kind):
+            case EditStep(type="save"):
+                self.worker.send(WorkerTask("save", self._folder / self._document.file_name))
+            case EditStep(type=kind):
                 self._step(-1 if kind == "undo" else 1)
             case _:
                 self._edit(message)
@@ -155,7 +155,7 @@ class Session:
             self._reading += 1
         document = self._document
         self._lost_before = False
-        self.worker.send(State(
+        self.worker.send(WorkerState(
             document.text, document.source, self._attitude, self._choice, self._dragging,
             self._reading,
         ))  # fmt: skip
@@ -172,7 +172,7 @@ class Session:
         })  # fmt: skip
         self._tell({"type": "status", "busy": True})
 
-    def _answered(self, answer: Answer) -> None:
+    def _answered(self, answer: WorkerAnswer) -> None:
         """Keep an answer of the worker and pass it on, unless another scenario was opened."""
         content = dict(answer.content)
         if answer.reading != self._reading and answer.kind not in ("page", "saved"):

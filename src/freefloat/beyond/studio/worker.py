@@ -8,7 +8,7 @@ from dataclasses import replace
 from multiprocessing.connection import Connection
 from typing import TYPE_CHECKING
 
-from freefloat.beyond.studio.messages import Answer, State, Task, page_text
+from freefloat.beyond.studio.messages import WorkerAnswer, WorkerState, WorkerTask, page_text
 from freefloat.errors import FreeFloatError
 
 if TYPE_CHECKING:  # the server, which starts the process, needs no planner
@@ -33,14 +33,14 @@ class _Superseded(Exception):
 
 class _Worker:
     def __init__(self, connection: Connection) -> None:
-        from freefloat.beyond.studio.robots import Robots
+        from freefloat.beyond.studio.robots import RobotCache
 
         self._connection = connection
-        self._robots = Robots()
-        self._state: State | None = None
+        self._robots = RobotCache()
+        self._state: WorkerState | None = None
         self._reading, self._outlined = 0, 0
         self._analysis: Analysis | None = None
-        self._tasks: deque[Task] = deque()
+        self._tasks: deque[WorkerTask] = deque()
 
     def receive(self, wait: bool) -> None:
         """Take the messages that have arrived; of several states only the newest counts.
@@ -51,7 +51,7 @@ class _Worker:
         while self._connection.poll(None if wait else 0.0):
             wait = False
             message = self._connection.recv()
-            if isinstance(message, Task):
+            if isinstance(message, WorkerTask):
                 self._tasks.append(message)
             else:
                 self._state, self._reading = message, message.reading
@@ -63,16 +63,16 @@ class _Worker:
         except _Superseded:
             return True
         except FreeFloatError as error:
-            self._send(Answer("problem", {"text": page_text(error)}))
+            self._send(WorkerAnswer("problem", {"text": page_text(error)}))
             self._analysis, self._state = None, None  # until the next edit
             return True
-        self._send(answer or Answer("idle"))
+        self._send(answer or WorkerAnswer("idle"))
         return answer is not None
 
-    def _send(self, answer: Answer) -> None:
+    def _send(self, answer: WorkerAnswer) -> None:
         self._connection.send(replace(answer, reading=self._reading))
 
-    def _answer(self) -> Answer | None:
+    def _answer(self) -> WorkerAnswer | None:
         from freefloat.beyond.studio.analyses import analysis_of
 
         state, analysis = self._state, self._analysis
@@ -89,17 +89,17 @@ class _Worker:
             return self._done(self._tasks.popleft())
         return analysis.further(self._progress)
 
-    def _done(self, task: Task) -> Answer:
+    def _done(self, task: WorkerTask) -> WorkerAnswer:
         """Do a task."""
         kind = "saved" if task.kind == "save" else "page"
         if self._analysis is None or self._state is None:
-            return Answer(kind, {"refused": "the scenario has an error"})
+            return WorkerAnswer(kind, {"refused": "the scenario has an error"})
         if task.file is None:
             return self._analysis.page()
         try:
             return self._analysis.save(task.file, self._state.attitude)
         except FreeFloatError as error:
-            return Answer(kind, {"refused": page_text(error)})
+            return WorkerAnswer(kind, {"refused": page_text(error)})
 
     def _progress(self, _: float) -> None:
         """Abandon a map for a newer message."""

@@ -17,7 +17,7 @@ from freefloat.dynamics.kernels.robot import (
 )
 from freefloat.lockstep.compilation import compiled, inner
 from freefloat.lockstep.lanes import WIDTH
-from freefloat.lockstep.tables import Table, below, get_lane, lanes, set_lane, set_vector
+from freefloat.lockstep.tables import Table, get_lane, lanes, set_lane, set_vector, subtable
 from freefloat.so3 import Array
 
 
@@ -62,8 +62,8 @@ def place_all(
             for j in range(robot.n):
                 set_lane(q, j, lane, joints[min(first + lane, count - 1), j])
         _, inverse_D, _ = form_jacobian(robot, q, work)
-        set_vector(below(inertia, 0, 3), 0, 0, inverse_D.diagonal)
-        set_vector(below(inertia, 0, 3), 1, 0, inverse_D.products)
+        set_vector(subtable(inertia, 0, 3), 0, 0, inverse_D.diagonal)
+        set_vector(subtable(inertia, 0, 3), 1, 0, inverse_D.products)
         for lane in range(min(WIDTH, count - first)):
             _store(robot, first + lane, lane, inertia, work, out)
 
@@ -74,15 +74,15 @@ def _store(
 ) -> None:
     """Write the configuration in a lane."""
     for i in range(3):
-        out.centres[k, i] = get_lane(below(work.centre, 0, 1), i, lane)
+        out.centres[k, i] = get_lane(subtable(work.centre, 0, 1), i, lane)
         out.inverses[k, i, i] = get_lane(inertia, i, lane)
         after, last = (i + 1) % 3, (i + 2) % 3
         out.inverses[k, after, last] = get_lane(inertia, 3 + i, lane)
         out.inverses[k, last, after] = get_lane(inertia, 3 + i, lane)
         for j in range(robot.n):
-            out.turns[k, i, j] = get_lane(below(work.momenta, j, 1), TURN + i, lane)
+            out.turns[k, i, j] = get_lane(subtable(work.momenta, j, 1), TURN + i, lane)
     for j in range(robot.n if len(out.frames) else 0):
-        w = below(work.momenta, j, 1)
+        w = subtable(work.momenta, j, 1)
         for i in range(3):
             for part, column in enumerate((X_AXIS, AXIS, POINT, LINEAR)):
                 out.frames[k, j, part, i] = get_lane(w, column + i, lane)

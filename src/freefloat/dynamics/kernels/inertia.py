@@ -60,7 +60,7 @@ def in_axes(I: Inertia, ex: Vector, ey: Vector, ez: Vector) -> Inertia:
 
 
 @inlined
-def screwed(
+def in_joint_frame(
     M: float, u: Vector, I: Inertia, s: Float, c: Float, d: Float
 ) -> tuple[Vector, Inertia]:
     """First moment and inertia in a frame rotated about z and displaced along z.

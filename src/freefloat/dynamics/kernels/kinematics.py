@@ -14,10 +14,10 @@ from freefloat.dynamics.kernels.cubics import SIX, six_cubics, slope, value
 from freefloat.dynamics.kernels.inertia import (
     Inertia,
     in_axes,
+    in_joint_frame,
     minus,
     of_point,
     plus,
-    screwed,
     times,
 )
 from freefloat.dynamics.kernels.robot import (
@@ -139,12 +139,14 @@ def place_arm(robot: Robot, e: int, q: Table, work: Solver) -> tuple[Float, Vect
                      get_vector(base, 3, 0))  # fmt: skip
     row = int(robot.tools[e, FIRST]) + e
     M = bodies[row, MASS]
-    u, I = spacecraft(robot, row, q, work)
+    u, I = base_inertia(robot, row, q, work)
     for k in joints_of(robot, e):
         s, c, d = joints[k, SINE], joints[k, COSINE], joints[k, ALONG_X]
         p = p + ex * d
         ey, ez = ey * c + ez * s, ez * c - ey * s
-        u, I = screwed(M, rolled(u), Inertia(rolled(I.diagonal), rolled(I.products)), s, c, d)
+        u, I = in_joint_frame(
+            M, rolled(u), Inertia(rolled(I.diagonal), rolled(I.products)), s, c, d
+        )
         u = rolled(rolled(u))
         I = Inertia(rolled(rolled(I.diagonal)), rolled(rolled(I.products)))
         angle, d = joints[k, ANGLE] + 0.0 * q[k], joints[k, ALONG_Z] + 0.0 * q[k]
@@ -165,7 +167,7 @@ def place_arm(robot: Robot, e: int, q: Table, work: Solver) -> tuple[Float, Vect
         set_vector(w, k, X_AXIS, ex)
         set_vector(w, k, AXIS, ez)
         set_vector(w, k, POINT, p)
-        u, I = screwed(M, u, I, s, c, d)
+        u, I = in_joint_frame(M, u, I, s, c, d)
         row = k + e + 1
         M += bodies[row, MASS]
         moment, own = row_of(bodies, row)
@@ -188,7 +190,7 @@ def row_of(bodies: Table, row: int) -> tuple[Vector, Inertia]:
 
 
 @inlined
-def spacecraft(robot: Robot, row: int, q: Table, work: Solver) -> tuple[Vector, Inertia]:
+def base_inertia(robot: Robot, row: int, q: Table, work: Solver) -> tuple[Vector, Inertia]:
     """First moment and inertia of the spacecraft with its further arms, in a link frame 0.
 
     The momenta of these arms are written to ``work.carried``: the linear one is the derivative of

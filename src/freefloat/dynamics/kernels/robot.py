@@ -8,7 +8,7 @@ import numpy as np
 
 from freefloat.lockstep.compilation import inlined, inner
 from freefloat.lockstep.lanes import WIDTH
-from freefloat.lockstep.tables import Table, below, first_if_none, floats, lanes, set_lane
+from freefloat.lockstep.tables import Table, first_if_none, floats, lanes, set_lane, subtable
 from freefloat.so3 import Array
 
 MOST_ARMS = 4
@@ -119,7 +119,7 @@ def load_robot(robots: Array | None, k: int, lane: int, work: Solver) -> None:
 @inlined
 def base_of(robot: Robot, arm: int) -> Table:
     """Link frame 0 of an arm in the spacecraft frame: x, y and z axes and origin."""
-    return below(robot.properties, BASES + BASE_SIZE * arm, 3)
+    return subtable(robot.properties, BASES + BASE_SIZE * arm, 3)
 
 
 @inlined
@@ -131,11 +131,11 @@ def joints_of(robot: Robot, arm: int) -> range:
 @inlined
 def bodies_of(robot: Robot) -> Table:
     """Rows of mass, first moment and inertia of the bodies, in their link frames."""
-    return below(robot.properties, BASES + BASE_SIZE * robot.arms, BODY_COLUMNS)
+    return subtable(robot.properties, BASES + BASE_SIZE * robot.arms, BODY_COLUMNS)
 
 
 @inlined
 def coefficients_of(robot: Robot) -> Table:
     """Coefficients of the measure ``arm``."""
     bodies = BODY_COLUMNS * (robot.arms + robot.n)
-    return below(robot.properties, BASES + BASE_SIZE * robot.arms + bodies, 2)
+    return subtable(robot.properties, BASES + BASE_SIZE * robot.arms + bodies, 2)

@@ -10,17 +10,17 @@ from freefloat.ensemble.kernels.flow import to_spacecraft
 from freefloat.ensemble.kernels.measures import measure_at
 from freefloat.ensemble.kernels.null_space import add_null_space_motion, form_inertia, gradient
 from freefloat.ensemble.kernels.records import (
+    Buffers,
     Measure,
     NullSpace,
-    Problem,
-    Workspace,
+    ProblemTables,
     measure_in_tables,
     problem_in_tables,
     workspace_in_tables,
 )
 from freefloat.lockstep.compilation import compiled, inner
 from freefloat.lockstep.lanes import WIDTH
-from freefloat.lockstep.tables import below, get_lane, get_vector, set_lane, set_vector
+from freefloat.lockstep.tables import get_lane, get_vector, set_lane, set_vector, subtable
 from freefloat.lockstep.vectors import vector
 from freefloat.so3 import Array
 
@@ -36,7 +36,7 @@ class Measured(NamedTuple):
 
 
 @compiled
-def command(problem: Problem, measured: Measured, workspace: Workspace, out: Array) -> None:
+def command(problem: ProblemTables, measured: Measured, workspace: Buffers, out: Array) -> None:
     """Solve (4) in measured states; write joint rates (K, n)."""
     work = workspace_in_tables(workspace)
     problem = problem_in_tables(problem, None, work)
@@ -51,23 +51,23 @@ def command(problem: Problem, measured: Measured, workspace: Workspace, out: Arr
 
 
 @inner
-def load(measured: Measured, k: int, lane: int, work: Workspace) -> None:
+def load(measured: Measured, k: int, lane: int, work: Buffers) -> None:
     """Write state k to a lane."""
     for j in range(4):
         set_lane(work.y, j, lane, measured.attitudes[k, j])
     for j in range(measured.joints.shape[1]):
         set_lane(work.y, 4 + j, lane, measured.joints[k, j])
-    twists = below(work.solver.twists, 0, 1)
+    twists = subtable(work.solver.twists, 0, 1)
     for j in range(6):
         set_lane(twists, j, lane, measured.twists[k, j])
         set_lane(work.h, j, lane, measured.momentum[j])
 
 
 @inner
-def solve(robot: Robot, null_space: NullSpace | None, speed: float, work: Workspace) -> None:
+def solve(robot: Robot, null_space: NullSpace | None, speed: float, work: Buffers) -> None:
     """Write the joint rates into ``work.solver.rates``."""
     y, h, twists = work.y, work.h, work.solver.twists
-    q = below(y, 4, 1)
+    q = subtable(y, 4, 1)
     x, e = vector(y[0], y[1], y[2]), y[3]
     for part in range(2):
         seen = to_spacecraft(x, e, get_vector(twists, 0, 3 * part))
@@ -81,7 +81,7 @@ def solve(robot: Robot, null_space: NullSpace | None, speed: float, work: Worksp
 
 
 @compiled
-def weigh(problem: Problem, joints: Array, workspace: Workspace, out: Array) -> None:
+def weigh(problem: ProblemTables, joints: Array, workspace: Buffers, out: Array) -> None:
     """Write generalized inertias of the joint rates (K, n, n)."""
     work = workspace_in_tables(workspace)
     problem = problem_in_tables(problem, None, work)
@@ -90,7 +90,7 @@ def weigh(problem: Problem, joints: Array, workspace: Workspace, out: Array) -> 
         for lane in range(WIDTH):
             for j in range(n):
                 set_lane(work.y, 4 + j, lane, joints[min(first + lane, count - 1), j])
-        form_jacobian(robot, below(work.y, 4, 1), work.solver)
+        form_jacobian(robot, subtable(work.y, 4, 1), work.solver)
         form_inertia(robot, work)
         for lane in range(min(WIDTH, count - first)):
             for j in range(n):
@@ -100,7 +100,7 @@ def weigh(problem: Problem, joints: Array, workspace: Workspace, out: Array) -> 
 
 @compiled
 def measure_all(
-    robot: Robot, measure: Measure, joints: Array, workspace: Workspace, out: Array
+    robot: Robot, measure: Measure, joints: Array, workspace: Buffers, out: Array
 ) -> None:
     """Write the singularity measure at joint values (K, n)."""
     work, (count, n) = workspace_in_tables(workspace), joints.shape
@@ -109,6 +109,6 @@ def measure_all(
         for lane in range(WIDTH):
             for j in range(n):
                 set_lane(work.y, 4 + j, lane, joints[min(first + lane, count - 1), j])
-        work.solver.b[0] = measure_at(robot, measure, below(work.y, 4, 1), work)
+        work.solver.b[0] = measure_at(robot, measure, subtable(work.y, 4, 1), work)
         for lane in range(min(WIDTH, count - first)):
             out[first + lane] = get_lane(work.solver.b, 0, lane)

@@ -12,7 +12,7 @@ from freefloat.dynamics.kernels.kinematics import POINT, X_AXIS, path_origin, pl
 from freefloat.dynamics.kernels.robot import Robot, Solver, base_of
 from freefloat.ensemble.kernels.flow import to_spacecraft
 from freefloat.ensemble.kernels.interpolant import inside
-from freefloat.ensemble.kernels.records import SLACK_ROWS, Cones, Problem, Workspace
+from freefloat.ensemble.kernels.records import SLACK_ROWS, Buffers, Cones, ProblemTables
 from freefloat.lockstep.compilation import inlined, inner
 from freefloat.lockstep.lanes import (
     Float,
@@ -22,7 +22,7 @@ from freefloat.lockstep.lanes import (
     select,
     sqrt,
 )
-from freefloat.lockstep.tables import Table, below, get_vector
+from freefloat.lockstep.tables import Table, get_vector, subtable
 from freefloat.lockstep.vectors import Vector, components, cross, dot, vector
 from freefloat.motion.pointing import TOO_NEAR
 
@@ -31,12 +31,14 @@ BODY, OF_POINT, SIDE, BOUND, AXIS, ORIGIN, TARGET = 0, 1, 2, 3, 4, 7, 10
 that is a point; 1 for inside, -1 for outside; cosine of the bound; axis and origin of the line of
 sight in the body's link frame; direction of the target, or its place in the path's frame."""
 BEFORE, LOWEST, LOWEST_AT, MIDDLE, AFTER = range(SLACK_ROWS)
-"""Rows of a limit in ``Workspace.slacks``: slack at the last step, the smallest and its time, and
+"""Rows of a limit in ``Buffers.slacks``: slack at the last step, the smallest and its time, and
 slacks in the middle and at the end of a step."""
 
 
 @inner
-def note_slacks(problem: Problem, dt: Float, fresh: Mask, accepted: Mask, work: Workspace) -> None:
+def note_slacks(
+    problem: ProblemTables, dt: Float, fresh: Mask, accepted: Mask, work: Buffers
+) -> None:
     """Update the smallest slacks by those along a step; write the first ones of fresh motions."""
     if problem.cones.number == 0:
         return
@@ -46,7 +48,7 @@ def note_slacks(problem: Problem, dt: Float, fresh: Mask, accepted: Mask, work: 
     T = 4 + problem.robot.n
     middle_time = work.inside[T]
     for i in range(problem.cones.number):
-        slacks = below(work.slacks, SLACK_ROWS * i, 1)
+        slacks = subtable(work.slacks, SLACK_ROWS * i, 1)
         middle, after = slacks[MIDDLE], slacks[AFTER]
         before = select(fresh, after, slacks[BEFORE])
         slacks[LOWEST] = select(fresh, after, slacks[LOWEST])
@@ -57,16 +59,16 @@ def note_slacks(problem: Problem, dt: Float, fresh: Mask, accepted: Mask, work: 
         dips = accepted & (curvature > 0.0) & (place > 0.0) & (place < 1.0)
         if any_of(dips):
             inside(problem, dt, select(dips, place, 0.5), 0, work)
-            place_arms(problem.robot, below(work.inside, 4, 1), work.solver)
+            place_arms(problem.robot, subtable(work.inside, 4, 1), work.solver)
             dip = slack(problem.robot, problem.cones, i, work.inside, work)
             lower(slacks, dip, work.inside[T], dips)
         slacks[BEFORE] = select(accepted, after, slacks[BEFORE])
 
 
 @inlined
-def write_slacks(problem: Problem, y: Table, row: int, work: Workspace) -> None:
+def write_slacks(problem: ProblemTables, y: Table, row: int, work: Buffers) -> None:
     """Write the slacks in a state into rows of all limits."""
-    place_arms(problem.robot, below(y, 4, 1), work.solver)
+    place_arms(problem.robot, subtable(y, 4, 1), work.solver)
     for i in range(problem.cones.number):
         value = slack(problem.robot, problem.cones, i, y, work)
         work.slacks[SLACK_ROWS * i + row] = value
@@ -81,7 +83,7 @@ def lower(slacks: Table, value: Float, t: Float, chosen: Mask) -> None:
 
 
 @inner
-def slack(robot: Robot, cones: Cones, i: int, y: Table, work: Workspace) -> Float:
+def slack(robot: Robot, cones: Cones, i: int, y: Table, work: Buffers) -> Float:
     """The slack of limit ``i`` in a state in which the arm is placed."""
     table = cones.table
     x, e = vector(y[0], y[1], y[2]), y[3]

@@ -31,9 +31,9 @@ from freefloat.ensemble.kernels.records import (
     SEGMENT,
     SPEED,
     STATE,
+    Buffers,
     Motions,
-    Problem,
-    Workspace,
+    ProblemTables,
     load_system,
 )
 from freefloat.lockstep.compilation import inlined, inner
@@ -48,7 +48,7 @@ from freefloat.lockstep.lanes import (
     select,
     sqrt,
 )
-from freefloat.lockstep.tables import Table, below, get_lane, set_lane
+from freefloat.lockstep.tables import Table, get_lane, set_lane, subtable
 from freefloat.so3 import Array
 
 if TYPE_CHECKING:
@@ -61,7 +61,7 @@ _HEIGHT_FACTOR = 4.0
 
 @inner
 def note_extents(
-    problem: Problem, dt: Float, accepted: Mask, extremes: bool, work: Workspace
+    problem: ProblemTables, dt: Float, accepted: Mask, extremes: bool, work: Buffers
 ) -> None:
     """Update extreme joint values and largest rates by those at the end of a step.
 
@@ -91,14 +91,14 @@ def attitude_rate(K: Table, stage: int) -> Float:
 
 
 @inlined
-def note_value(j: int, q: Float, t: Float, chosen: Mask, work: Workspace) -> None:
+def note_value(j: int, q: Float, t: Float, chosen: Mask, work: Buffers) -> None:
     """Extend the range of joint ``j`` to a value at a time."""
     raise_extent(3 * j + 1, 0.0 - q, t, chosen, work)
     raise_extent(3 * j + 2, q, t, chosen, work)
 
 
 @inlined
-def raise_extent(i: int, value: Float, t: Float, chosen: Mask, work: Workspace) -> None:
+def raise_extent(i: int, value: Float, t: Float, chosen: Mask, work: Buffers) -> None:
     """Raise an extent to a value at a time where it is smaller."""
     higher = chosen & (value > work.extent[i])
     work.extent[i] = select(higher, value, work.extent[i])
@@ -107,7 +107,7 @@ def raise_extent(i: int, value: Float, t: Float, chosen: Mask, work: Workspace) 
 
 @inlined
 def note_turning_point(
-    problem: Problem, dt: Float, j: int, accepted: Mask, work: Workspace
+    problem: ProblemTables, dt: Float, j: int, accepted: Mask, work: Buffers
 ) -> None:
     """Extend the range of joint ``j`` to where its rate changes sign inside the step."""
     n, before, after = problem.robot.n, work.K[4 + j, 0], work.K[4 + j, 6]
@@ -121,7 +121,7 @@ def note_turning_point(
 
 
 @inlined
-def note_peaks(problem: Problem, dt: Float, accepted: Mask, work: Workspace) -> None:
+def note_peaks(problem: ProblemTables, dt: Float, accepted: Mask, work: Buffers) -> None:
     """Look for states inside a step in which rates are larger than so far.
 
     There is one if the rate grows at the beginning of the step and falls at its end. The parabola
@@ -158,7 +158,9 @@ def elements(robot: Robot, i: int) -> tuple[int, int]:
 
 
 @inner
-def note_peak(problem: Problem, dt: Float, i: int, x: Float, tops: Mask, work: Workspace) -> None:
+def note_peak(
+    problem: ProblemTables, dt: Float, i: int, x: Float, tops: Mask, work: Buffers
+) -> None:
     """Keep the state near a fraction of the step in which rate i is largest, if it is so far."""
     n = problem.robot.n
     first, beyond = elements(problem.robot, i)
@@ -176,7 +178,7 @@ def note_peak(problem: Problem, dt: Float, i: int, x: Float, tops: Mask, work: W
         step, share = growth / change, 1.0 / t1
         height = share * share * (square - growth * step * share)
         x = maximum(minimum(x - step, 1.0), 0.0)
-    peak, noted = below(work.peaks, i * (STATE + 5 + n), 1), work.extent[3 * i]
+    peak, noted = subtable(work.peaks, i * (STATE + 5 + n), 1), work.extent[3 * i]
     higher = tops & (height > maximum(noted * noted, peak[PEAK]))
     if any_of(higher):
         inside(problem, dt, x, 0, work)
@@ -188,7 +190,7 @@ def note_peak(problem: Problem, dt: Float, i: int, x: Float, tops: Mask, work: W
 
 @inner
 def evaluate_peaks(
-    problem: Problem, motions: Motions, first: int, peaks: Array, work: Workspace,
+    problem: ProblemTables, motions: Motions, first: int, peaks: Array, work: Buffers,
     out: EnsembleResult,
 ) -> None:  # fmt: skip
     """Raise the largest rates of motions from ``first`` on to those in the states that were kept.

@@ -10,13 +10,13 @@ from freefloat.ensemble.kernels.records import (
     BY_TIME,
     FORWARD,
     SEGMENT,
+    Buffers,
     Course,
     NullSpace,
-    Workspace,
 )
 from freefloat.lockstep.compilation import inlined
 from freefloat.lockstep.lanes import Float, floor, maximum, minimum, select, sqrt
-from freefloat.lockstep.tables import Table, below, pick, set_vector
+from freefloat.lockstep.tables import Table, pick, set_vector, subtable
 from freefloat.lockstep.vectors import Vector, components, cross, dot, vector
 
 END, ORIGIN, FREQUENCY, FIRST_S, DENSITY, FIRST_CELL, CELLS, LAW = 0, 1, 2, 3, 4, 5, 6, 7
@@ -83,7 +83,7 @@ def flow(
     course: Course,
     null_space: NullSpace | None,
     y: Table,
-    work: Workspace,
+    work: Buffers,
     stage: int,
 ) -> tuple[Float, Float]:  # fmt: skip
     """Write the derivatives of attitude, joints and time by the step's variable into ``work.K``.
@@ -100,7 +100,7 @@ def flow(
         det S* and det D.
     """
     n, K, status = robot.n, work.K, work.status
-    q = below(y, 4, 1)
+    q = subtable(y, 4, 1)
     x, e = vector(y[0], y[1], y[2]), y[3]
     scale = 1.0 / sqrt(dot(x, x) + e * e)
     x, e = x * scale, e * scale

@@ -29,9 +29,9 @@ from freefloat.ensemble.kernels.records import (
     STATE,
     STEP,
     TOLERANCE,
+    Buffers,
     Motions,
-    Problem,
-    Workspace,
+    ProblemTables,
     load_system,
     problem_in_tables,
     workspace_in_tables,
@@ -58,8 +58,8 @@ pass a singularity closely."""
 
 @compiled
 def integrate_many(
-    problem: Problem, motions: Motions, first: int, beyond: int, tolerance: float,
-    workspace: Workspace, out: EnsembleResult,
+    problem: ProblemTables, motions: Motions, first: int, beyond: int, tolerance: float,
+    workspace: Buffers, out: EnsembleResult,
 ) -> None:  # fmt: skip
     """Integrate motions ``first`` to ``beyond`` and write their results.
 
@@ -119,7 +119,7 @@ def integrate_many(
 
 @inner
 def load_motion(
-    problem: Problem, motions: Motions, k: int, lane: int, tolerance: float, work: Workspace
+    problem: ProblemTables, motions: Motions, k: int, lane: int, tolerance: float, work: Buffers
 ) -> None:
     """Begin motion k in a lane."""
     n, course, status = problem.robot.n, problem.course, work.status
@@ -160,7 +160,9 @@ def load_motion(
 
 
 @inner
-def enter_segment(problem: Problem, segment: int, goal: float, lane: int, work: Workspace) -> None:
+def enter_segment(
+    problem: ProblemTables, segment: int, goal: float, lane: int, work: Buffers
+) -> None:
     """Let a motion go on in a segment of the time law, up to its end or the goal."""
     course, stride = problem.course, LAW + 2 * (problem.course.degree + 1)
     if get_lane(work.status, FORWARD, lane) > 0.0:
@@ -172,7 +174,7 @@ def enter_segment(problem: Problem, segment: int, goal: float, lane: int, work: 
 
 
 @inner
-def go_on(problem: Problem, goal: float, arrived: bool, lane: int, work: Workspace) -> int:
+def go_on(problem: ProblemTables, goal: float, arrived: bool, lane: int, work: Buffers) -> int:
     """Let a motion go on by arc length, in the next segment if it arrived at the end of one.
 
     Returns:
@@ -196,7 +198,7 @@ def go_on(problem: Problem, goal: float, arrived: bool, lane: int, work: Workspa
 
 
 @inner
-def record_step(problem: Problem, row: Array, lane: int, work: Workspace) -> None:
+def record_step(problem: ProblemTables, row: Array, lane: int, work: Buffers) -> None:
     """Write a row of ``Motions.steps``."""
     count, K = 4 + problem.robot.n, work.K
     row[0] = get_lane(work.y, count, lane)
@@ -207,7 +209,7 @@ def record_step(problem: Problem, row: Array, lane: int, work: Workspace) -> Non
 
 @inner
 def stricter_factor(
-    motions: Motions, k: int, lane: int, work: Workspace, out: EnsembleResult
+    motions: Motions, k: int, lane: int, work: Buffers, out: EnsembleResult
 ) -> float:
     """Reduction of the tolerance with which a motion is integrated again; 1 where it is not."""
     status, ending, lowest = work.status, out.endings[k], out.minimum[k]
@@ -221,8 +223,8 @@ def stricter_factor(
 
 @inner
 def store(
-    problem: Problem, motions: Motions, k: int, lane: int, ending: int, steps: int, work: Workspace,
-    peaks: Array, out: EnsembleResult,
+    problem: ProblemTables, motions: Motions, k: int, lane: int, ending: int, steps: int,
+    work: Buffers, peaks: Array, out: EnsembleResult,
 ) -> None:  # fmt: skip
     """Write the results of the motion in a lane, and where its rates are largest."""
     n, duration, status = problem.robot.n, problem.course.duration, work.status

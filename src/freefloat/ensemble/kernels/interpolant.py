@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from freefloat.dynamics.kernels.cubics import Cubic
-from freefloat.ensemble.kernels.records import Problem, Workspace
+from freefloat.ensemble.kernels.records import Buffers, ProblemTables
 from freefloat.lockstep.compilation import inlined
 from freefloat.lockstep.lanes import Float
 from freefloat.lockstep.tables import Table
@@ -26,7 +26,7 @@ def weighted(tableau: Table, row: int, K: Table, j: int) -> Float:
 
 
 @inlined
-def derivative(problem: Problem, j: int, work: Workspace) -> Cubic:
+def derivative(problem: ProblemTables, j: int, work: Buffers) -> Cubic:
     """The derivative of element ``j`` of the state by the fraction, over the length of the step."""
     tableau, K = problem.tableau, work.K
     cube = weighted(tableau, PART + 3, K, j) * 4.0
@@ -35,7 +35,7 @@ def derivative(problem: Problem, j: int, work: Workspace) -> Cubic:
 
 
 @inlined
-def inside(problem: Problem, dt: Float, x: Float, first: int, work: Workspace) -> None:
+def inside(problem: ProblemTables, dt: Float, x: Float, first: int, work: Buffers) -> None:
     """Write attitude, joints and time at a fraction of the step, from an element on."""
     tableau, K, y = problem.tableau, work.K, work.y
     for s in range(7):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from freefloat.dynamics.kernels.equation import form_jacobian
 from freefloat.dynamics.kernels.robot import PRISMATIC, REACH, Robot, coefficients_of
-from freefloat.ensemble.kernels.records import Measure, Workspace
+from freefloat.ensemble.kernels.records import Buffers, Measure
 from freefloat.lockstep.compilation import inlined, inner
 from freefloat.lockstep.lanes import (
     Float,
@@ -25,7 +25,7 @@ _ORTHOGONAL = 1e-14
 
 
 @inner
-def measure_at(robot: Robot, measure: Measure, q: Table, work: Workspace) -> Float:
+def measure_at(robot: Robot, measure: Measure, q: Table, work: Buffers) -> Float:
     """The measure at joint values."""
     if measure.code == ARM:
         return polynomial(robot, measure, q)

@@ -4,7 +4,14 @@ from __future__ import annotations
 
 from freefloat.ensemble.kernels.interpolant import inside
 from freefloat.ensemble.kernels.measures import measure_at
-from freefloat.ensemble.kernels.records import LOWEST, LOWEST_AT, SIGN, VALUE, Problem, Workspace
+from freefloat.ensemble.kernels.records import (
+    LOWEST,
+    LOWEST_AT,
+    SIGN,
+    VALUE,
+    Buffers,
+    ProblemTables,
+)
 from freefloat.lockstep.compilation import inlined
 from freefloat.lockstep.lanes import (
     Float,
@@ -15,7 +22,7 @@ from freefloat.lockstep.lanes import (
     minimum,
     select,
 )
-from freefloat.lockstep.tables import below
+from freefloat.lockstep.tables import subtable
 
 _DEPTH_FACTOR = 3.0
 """Assumed ratio of the depth of a minimum inside a step to that of a parabola."""
@@ -26,16 +33,16 @@ _PROBES = 4
 
 
 @inlined
-def value_inside(problem: Problem, dt: Float, x: Float, work: Workspace) -> Float:
+def value_inside(problem: ProblemTables, dt: Float, x: Float, work: Buffers) -> Float:
     """The measure at a fraction of the step, with the sign of the motion's first value."""
     inside(problem, dt, x, 4, work)
-    q = below(work.inside, 4, 1)
+    q = subtable(work.inside, 4, 1)
     return work.status[SIGN] * measure_at(problem.robot, problem.measure, q, work)
 
 
 @inlined
 def note_minimum(
-    problem: Problem, dt: Float, after: Float, accepted: Mask, work: Workspace
+    problem: ProblemTables, dt: Float, after: Float, accepted: Mask, work: Buffers
 ) -> None:
     """Update the minimum by the value at the end of a step, and by a minimum inside.
 
@@ -63,7 +70,7 @@ def note_minimum(
 
 @inlined
 def local_minimum(
-    problem: Problem, dt: Float, before: Float, middle: Float, after: Float, work: Workspace
+    problem: ProblemTables, dt: Float, before: Float, middle: Float, after: Float, work: Buffers
 ) -> tuple[Float, Float]:
     """The lowest value of the measure inside a step and its place, by successive parabolas."""
     a, fa, b, fb, c, fc = 0.0 * dt, before, 0.0 * dt + 0.5, middle, 0.0 * dt + 1.0, after

@@ -20,11 +20,11 @@ from freefloat.dynamics.kernels.kinematics import (
     rigid_velocity,
 )
 from freefloat.dynamics.kernels.robot import PRISMATIC, TOTAL_MASS, Robot
-from freefloat.ensemble.kernels.records import NullSpace, Workspace
+from freefloat.ensemble.kernels.records import Buffers, NullSpace
 from freefloat.lockstep.compilation import inlined, inner
 from freefloat.lockstep.lanes import Float, select, sqrt
 from freefloat.lockstep.reflections import reflect
-from freefloat.lockstep.tables import Table, below, get_vector
+from freefloat.lockstep.tables import Table, get_vector, subtable
 from freefloat.lockstep.vectors import cross, dot
 
 WEIGHTED, ENERGY = 1, 2
@@ -36,7 +36,7 @@ _STEP = 1e-4
 
 
 @inner
-def gradient(robot: Robot, null_space: NullSpace, q: Table, work: Workspace) -> None:
+def gradient(robot: Robot, null_space: NullSpace, q: Table, work: Buffers) -> None:
     """Write the gradient of the objective at joint values into ``work.gradient``."""
     g = work.gradient
     for k in range(robot.n):
@@ -54,9 +54,7 @@ def gradient(robot: Robot, null_space: NullSpace, q: Table, work: Workspace) -> 
 
 
 @inner
-def add_null_space_motion(
-    robot: Robot, null_space: NullSpace, speed: Float, work: Workspace
-) -> None:
+def add_null_space_motion(robot: Robot, null_space: NullSpace, speed: Float, work: Buffers) -> None:
     """Add the null-space motion to the rates of least norm in ``work.solver.rates``.
 
     Args:
@@ -82,7 +80,7 @@ def add_null_space_motion(
 
 
 @inner
-def _components(robot: Robot, null_space: NullSpace, work: Workspace) -> None:
+def _components(robot: Robot, null_space: NullSpace, work: Buffers) -> None:
     """Write both components c, in pairs, into ``work.right``."""
     n, r, W = robot.n, robot.n - robot.m, work.metric
     if null_space.metric == ENERGY:
@@ -92,14 +90,14 @@ def _components(robot: Robot, null_space: NullSpace, work: Workspace) -> None:
             for j in range(n):
                 W[i * n + j] = null_space.weights[i] if i == j else 0.0
     for c in range(r):
-        N = below(work.basis, c * n, 1)
+        N = subtable(work.basis, c * n, 1)
         for i in range(n):
             total = 0.0 * N[0]
             for j in range(n):
                 total += W[i * n + j] * N[j]
             work.column[i] = total
         for d in range(r):
-            work.normal[c * r + d] = _product(n, below(work.basis, d * n, 1), work.column)
+            work.normal[c * r + d] = _product(n, subtable(work.basis, d * n, 1), work.column)
         work.right[2 * c] = -_product(n, work.solver.rates, work.column)
         work.right[2 * c + 1] = 0.0
         if null_space.toward != 0:
@@ -117,10 +115,10 @@ def _product(n: int, a: Table, b: Table) -> Float:
 
 
 @inner
-def _basis(robot: Robot, work: Workspace) -> None:
+def _basis(robot: Robot, work: Buffers) -> None:
     """Write an orthonormal basis of the null space of S* into ``work.basis``, vector by vector."""
     for c in range(robot.n - robot.m):
-        N = below(work.basis, c * robot.n, 1)
+        N = subtable(work.basis, c * robot.n, 1)
         for i in range(robot.n):
             N[i] = 1.0 if i == robot.m + c else 0.0
         reflect(robot.m, robot.n, work.solver.S, work.solver.scales, N)
@@ -146,7 +144,7 @@ def _solve(r: int, A: Table, b: Table) -> None:
 
 
 @inner
-def _kinetic_energy(robot: Robot, work: Workspace) -> None:
+def _kinetic_energy(robot: Robot, work: Buffers) -> None:
     """Write the generalized inertia, divided by its mean diagonal element, into ``work.metric``."""
     scale = robot.n / form_inertia(robot, work)
     for i in range(robot.n * robot.n):
@@ -154,7 +152,7 @@ def _kinetic_energy(robot: Robot, work: Workspace) -> None:
 
 
 @inner
-def form_inertia(robot: Robot, work: Workspace) -> Float:
+def form_inertia(robot: Robot, work: Buffers) -> Float:
     """Write the generalized inertia of the joint rates into ``work.metric``, row by row.
 
     Its quadratic form is twice the kinetic energy of the system without momentum. Element (i, j), i
@@ -189,7 +187,7 @@ def form_inertia(robot: Robot, work: Workspace) -> Float:
 
 
 @inner
-def _inertia_on_table(robot: Robot, work: Workspace) -> Float:
+def _inertia_on_table(robot: Robot, work: Buffers) -> Float:
     """The same on a table, of one arm.
 
     Element (i, j), j beyond i, is the product of the motion of the bodies beyond joint j due to

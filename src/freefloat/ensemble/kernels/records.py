@@ -25,16 +25,16 @@ CONE_COLUMNS = 13
     SEGMENT, LEG, FORWARD, STEP, BY_TIME, FRESH, TOLERANCE, LAST_ERROR, POSITIVE, SIGN, VALUE,
     LOWEST, LOWEST_AT, HIGHEST, SMALLEST, LARGEST, SPEED, STATUS_ROWS,
 ) = range(18)  # fmt: skip
-"""Rows of ``Workspace.status``: segment and the time at which the motion leaves it; direction and
+"""Rows of ``Buffers.status``: segment and the time at which the motion leaves it; direction and
 length of the next step, whether it goes by time, whether it is the first; tolerance, and error of
 the last step; signs of det S* and of the measure at the beginning; measure at the last step, its
 minimum and the time of it, its maximum; smallest and largest magnitude of det S*; largest rate."""
 
 
 SLACK_ROWS = 5
-"""Number of rows of a limit in ``Workspace.slacks``."""
+"""Number of rows of a limit in ``Buffers.slacks``."""
 PEAK, PEAK_SEGMENT, STATE = 0, 1, 2
-"""Places of a rate in ``Workspace.peaks``: its square by the interpolant, in units of the duration,
+"""Places of a rate in ``Buffers.peaks``: its square by the interpolant, in units of the duration,
 then the segment and the state there."""
 
 
@@ -78,7 +78,7 @@ class Cones(NamedTuple):
     table: Table  # see freefloat.ensemble.kernels.cones
 
 
-class Problem(NamedTuple):
+class ProblemTables(NamedTuple):
     """Data common to all motions of a problem."""
 
     robot: Robot
@@ -106,7 +106,7 @@ class Motions(NamedTuple):
     # joints, and the rates of these, in units of the duration, (M, 9 + 2 n); may be empty
 
 
-class Workspace(NamedTuple):
+class Buffers(NamedTuple):
     """Workspace of one thread."""
 
     solver: Solver  # of equation (4)
@@ -131,7 +131,7 @@ class Workspace(NamedTuple):
     slacks: Table
 
 
-def make_workspace(n: int, m: int, cones: int = 0, properties: int = 0, arms: int = 1) -> Workspace:
+def make_workspace(n: int, m: int, cones: int = 0, properties: int = 0, arms: int = 1) -> Buffers:
     """Workspace for a robot of n joints and a task of m rows.
 
     Args:
@@ -148,13 +148,13 @@ def make_workspace(n: int, m: int, cones: int = 0, properties: int = 0, arms: in
         (n * n,), (n * r,), (r * r,), (2 * r,), (n,), (n,), (4,), (SLACK_ROWS * cones,),
     )  # fmt: skip
     tables = (np.zeros((*shape, WIDTH)) for shape in shapes)
-    return Workspace(make_solver(n, arms, properties), *tables)
+    return Buffers(make_solver(n, arms, properties), *tables)
 
 
 @inner
-def workspace_in_tables(work: Workspace) -> Workspace:
+def workspace_in_tables(work: Buffers) -> Buffers:
     """A workspace's arrays as tables."""
-    return Workspace(
+    return Buffers(
         solver_in_tables(work.solver), lanes(work.y, 1), lanes(work.at, 1), lanes(work.K, 7),
         lanes(work.weights, 1), lanes(work.inside, 1), lanes(work.status, 1), lanes(work.h, 1),
         lanes(work.extent, 1), lanes(work.moments, 1), lanes(work.peaks, 1),
@@ -165,7 +165,7 @@ def workspace_in_tables(work: Workspace) -> Workspace:
 
 
 @inner
-def load_system(motions: Motions, k: int, lane: int, work: Workspace) -> None:
+def load_system(motions: Motions, k: int, lane: int, work: Buffers) -> None:
     """Write momenta and drift of motion k, and the properties of its robot."""
     for j in range(9):
         set_lane(work.h, j, lane, motions.momenta[k, j])
@@ -188,10 +188,10 @@ def measure_in_tables(measure: Measure) -> Measure:
 
 
 @inner
-def problem_in_tables(problem: Problem, robots: Array | None, work: Workspace) -> Problem:
+def problem_in_tables(problem: ProblemTables, robots: Array | None, work: Buffers) -> ProblemTables:
     """A problem's arrays as tables; the properties of robots that differ are those in the lanes."""
     cones = problem.cones
-    return Problem(
+    return ProblemTables(
         robot_in_tables(problem.robot, robots, work.solver), course_in_tables(problem.course),
         measure_in_tables(problem.measure),
         _settings_in_tables(problem.null_space), floats(problem.tableau, 7),

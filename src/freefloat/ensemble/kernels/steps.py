@@ -31,8 +31,8 @@ from freefloat.ensemble.kernels.records import (
     STEP,
     TOLERANCE,
     VALUE,
-    Problem,
-    Workspace,
+    Buffers,
+    ProblemTables,
 )
 from freefloat.lockstep.compilation import inlined, inner
 from freefloat.lockstep.lanes import (
@@ -47,7 +47,7 @@ from freefloat.lockstep.lanes import (
     sqrt,
 )
 from freefloat.lockstep.reflections import is_singular
-from freefloat.lockstep.tables import Table, below
+from freefloat.lockstep.tables import Table, subtable
 
 _LAST_PART = 0.7
 """A step by arc length over more than this part of what remains of a segment goes by time."""
@@ -56,7 +56,7 @@ _SHORTEST_STEP, _SINGULAR_STEP = 1e-11, 1e-7
 
 
 @inner
-def attempt(problem: Problem, extremes: bool, work: Workspace) -> tuple[int, int, int]:
+def attempt(problem: ProblemTables, extremes: bool, work: Buffers) -> tuple[int, int, int]:
     """Attempt one step of each motion.
 
     Args:
@@ -79,7 +79,7 @@ def attempt(problem: Problem, extremes: bool, work: Workspace) -> tuple[int, int
     if measure.code < ARM:
         value = of_determinants(measure, determinant, det_D)
     else:
-        value = measure_at(robot, measure, below(work.at, 4, 1), work)
+        value = measure_at(robot, measure, subtable(work.at, 4, 1), work)
     size = magnitude(determinant)
     if any_of(fresh):
         begin_motions(fresh, determinant, value, work)
@@ -102,7 +102,7 @@ def attempt(problem: Problem, extremes: bool, work: Workspace) -> tuple[int, int
 
 
 @inlined
-def step_length(n: int, work: Workspace) -> tuple[Float, Mask]:
+def step_length(n: int, work: Buffers) -> tuple[Float, Mask]:
     """The length of the next step, by arc length or by time, and whether it ends the segment."""
     status, K = work.status, work.K
     remaining = magnitude(status[LEG] - work.y[4 + n])
@@ -123,7 +123,7 @@ def step_length(n: int, work: Workspace) -> tuple[Float, Mask]:
 
 
 @inlined
-def make_stages(problem: Problem, dt: Float, work: Workspace) -> tuple[Float, Float, Mask]:
+def make_stages(problem: ProblemTables, dt: Float, work: Buffers) -> tuple[Float, Float, Mask]:
     """Compute the stages of a step but the first, and its end in ``work.at``.
 
     Returns:
@@ -143,7 +143,7 @@ def make_stages(problem: Problem, dt: Float, work: Workspace) -> tuple[Float, Fl
 
 
 @inlined
-def error_of(problem: Problem, dt: Float, work: Workspace) -> Float:
+def error_of(problem: ProblemTables, dt: Float, work: Buffers) -> Float:
     """Errors of a step relative to the tolerances, in SciPy's norm.
 
     Time counts as in the arc length: an error of the time is one of the end-effector's position.
@@ -163,7 +163,7 @@ def error_of(problem: Problem, dt: Float, work: Workspace) -> Float:
 
 
 @inlined
-def begin_motions(fresh: Mask, determinant: Float, value: Float, work: Workspace) -> None:
+def begin_motions(fresh: Mask, determinant: Float, value: Float, work: Buffers) -> None:
     """Write the first values of motions."""
     status, sign = work.status, select(value < 0.0, -1.0, 1.0)
     status[SIGN] = select(fresh, sign, status[SIGN])
@@ -175,7 +175,7 @@ def begin_motions(fresh: Mask, determinant: Float, value: Float, work: Workspace
 
 
 @inlined
-def advance(problem: Problem, accepted: Mask, whole: Mask, work: Workspace) -> None:
+def advance(problem: ProblemTables, accepted: Mask, whole: Mask, work: Buffers) -> None:
     """Go on from the ends of accepted steps."""
     y, at, K, status, T = work.y, work.at, work.K, work.status, 4 + problem.robot.n
     norm = sqrt(at[0] * at[0] + at[1] * at[1] + at[2] * at[2] + at[3] * at[3])

@@ -31,7 +31,7 @@ _FIXED_FRAME = (
 )
 
 
-class _Group(NamedTuple):
+class _Columns(NamedTuple):
     """Columns of one quantity."""
 
     key: str
@@ -45,25 +45,25 @@ class _Group(NamedTuple):
         return self.units[0] if len(set(self.units)) == 1 else list(self.units)
 
 
-def _groups(trajectory: Trajectory) -> list[_Group]:
+def _groups(trajectory: Trajectory) -> list[_Columns]:
     problem = trajectory.motion.problem
     measure = problem.margin.measure
     model = problem.model
     fields = _arm_fields(track.arm for track in trajectory.end_effectors)
 
-    def space(key: str, values: Array, unit: str, arm: str = "") -> _Group:
+    def space(key: str, values: Array, unit: str, arm: str = "") -> _Columns:
         axes = "xyzw"[: values.shape[1]]
         words = key.replace("end_effector", "end-effector").replace("_", " ")
         names = tuple(f"{arm} {words} {a}".strip() for a in axes)
-        return _Group(f"{key}_{fields[arm]}" if arm else key, values, names, (unit,) * len(axes))
+        return _Columns(f"{key}_{fields[arm]}" if arm else key, values, names, (unit,) * len(axes))
 
-    def joints(key: str, word: str, values: Array, revolute: str, prismatic: str) -> _Group:
+    def joints(key: str, word: str, values: Array, revolute: str, prismatic: str) -> _Columns:
         names = tuple(f"{name} {word}" for name in model.joint_names)
         kinds = (body.prismatic for body in model.bodies[1:])
-        return _Group(key, values, names, tuple(prismatic if k else revolute for k in kinds))
+        return _Columns(key, values, names, tuple(prismatic if k else revolute for k in kinds))
 
     centre = trajectory.centre_of_mass_positions
-    fixed: list[_Group] = []
+    fixed: list[_Columns] = []
     if trajectory.displaced:
         fixed = [
             space("centre_of_mass_position", centre, "m"),
@@ -80,7 +80,7 @@ def _groups(trajectory: Trajectory) -> list[_Group]:
         )
     ]
     return [
-        _Group("time", trajectory.times[:, None], ("time",), ("s",)),
+        _Columns("time", trajectory.times[:, None], ("time",), ("s",)),
         space("attitude", trajectory.attitudes, "1"),
         space("base_position", trajectory.base_positions, "m"),
         space("base_velocity", trajectory.base_velocities, "m/s"),
@@ -91,7 +91,7 @@ def _groups(trajectory: Trajectory) -> list[_Group]:
                "rad/s^2", "m/s^2"),
         joints("joint_torques", "torque", trajectory.joint_torques, "N m", "N"),
         *tracks,
-        _Group("measure", trajectory.measure[:, None], (measure.name,), (measure.unit,)),
+        _Columns("measure", trajectory.measure[:, None], (measure.name,), (measure.unit,)),
         *fixed,
     ]  # fmt: skip
 

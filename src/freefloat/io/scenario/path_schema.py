@@ -139,7 +139,7 @@ class AttitudeSection(Section):
     _exactly_one = exactly_one_of("fixed", "slerp", "follow", "point_at")
 
 
-class PathFrame(StrEnum):
+class FrameName(StrEnum):
     """Frames of a path."""
 
     INERTIAL = "inertial"
@@ -150,7 +150,7 @@ class PathFrame(StrEnum):
 class PathSection(Section):
     """Path of the end-effector: exactly one kind of curve, and its orientation."""
 
-    frame: Annotated[PathFrame | Name, Field(union_mode="left_to_right")] = PathFrame.INERTIAL
+    frame: Annotated[FrameName | Name, Field(union_mode="left_to_right")] = FrameName.INERTIAL
     """Frame of all coordinates and orientations: ``inertial``, about the centre of mass;
     ``spacecraft``, the root link; or ``base``, the link that carries the first joint. The last two
     are those at ``search.joints`` and ``search.from_attitude`` (default: along the inertial

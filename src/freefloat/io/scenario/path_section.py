@@ -17,7 +17,7 @@ from freefloat.io.scenario.orientation_section import quaternion_of, rotation_of
 from freefloat.io.scenario.path_schema import (
     AttitudeSection,
     FollowSection,
-    PathFrame,
+    FrameName,
     PathSection,
     curve_content,
     inexpressible,
@@ -51,7 +51,7 @@ _INERTIAL = Pose(np.zeros(3), np.eye(3))
 
 
 def frame_of(
-    kind: PathFrame | str,
+    kind: FrameName | str,
     model: FreeFloatingModel,
     search: Search,
     scene: Scene,
@@ -76,14 +76,14 @@ def frame_of(
         InputError: If there is no such body, the search has no joints, or they do not suit the
             robot.
     """
-    if kind is PathFrame.INERTIAL:
+    if kind is FrameName.INERTIAL:
         return None
     if kind in scene.names:
         body = scene.bodies[scene.names.index(kind)]
         return body.pose if body.motion == "fixed" else body
     number, place = model.link_places.get(kind, (None, _INERTIAL))
-    if not isinstance(kind, PathFrame) and number != 0:
-        accepted = ", ".join([*PathFrame, *scene.names])
+    if not isinstance(kind, FrameName) and number != 0:
+        accepted = ", ".join([*FrameName, *scene.names])
         raise InputError(
             "path.frame", f"there is no {kind!r}",
             f"{accepted}, or a link of the spacecraft, such as {model.description.roots[0]}",
@@ -94,7 +94,7 @@ def frame_of(
     joints = model.joint_vector(search.joints, "search.joints")[: model.arm_dof]
     joints, attitude = np.concatenate([joints, further]), search.from_attitude
     attitude = UPRIGHT if attitude is None else attitude
-    if isinstance(kind, PathFrame):
+    if isinstance(kind, FrameName):
         return frames_at(model, attitude, joints, joint)[kind]
     return model.body_poses(attitude, joints)[0] @ place
 

@@ -24,7 +24,7 @@ from freefloat.motion.problem import Problem
 from freefloat.planning.candidates import ScreenedCandidate
 from freefloat.planning.objectives.objective import Comparison
 from freefloat.robot.joint_ranges import revolutions
-from freefloat.scene.scene_body import Hand
+from freefloat.scene.scene_body import EndEffectorPoses
 from freefloat.so3 import Array, IntArray
 
 if TYPE_CHECKING:  # coal and trimesh import slowly
@@ -99,11 +99,11 @@ def _out_of_range(
 ) -> npt.NDArray[np.bool_]:
     """Where no multiple of a full rotation puts a joint's values inside its range, shape (K,)."""
     low, high = results.motions.lower[entries], results.motions.upper[entries]
-    lower, upper = problem.chain().joint_ranges
+    lower, upper = problem.model_at().joint_ranges
     lower, upper = lower - _SLACK, upper + _SLACK
     fewest, most = revolutions((lower, upper), low, high)
     inside = (low >= lower) & (high <= upper)
-    fits = np.where(problem.chain().prismatic, inside, fewest <= most)
+    fits = np.where(problem.model_at().prismatic, inside, fewest <= most)
     return np.asarray(~fits.all(axis=1))
 
 
@@ -132,7 +132,7 @@ def clearance_deficits(
             every_joint = problem.all_joints(q, t)
             if pairs.scene.holds:
                 end = problem.model.end_effector_pose(attitude, every_joint)
-                poses = pairs.scene.poses(t, path, Hand(path.pose(t), end))
+                poses = pairs.scene.poses(t, path, EndEffectorPoses(path.pose(t), end))
             distances.append(pairs.distances(every_joint, every, attitude, poses).min())
         return [max(0.0, pairs.clearance - float(distance) - _SLACK) for distance in distances]
 

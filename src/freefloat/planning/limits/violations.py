@@ -52,7 +52,7 @@ class Violations:
         """Ratios of joint ranges and joint rates, shape (..., 2)."""
         if self._limits is None:
             return np.zeros((*motions.minimum.shape, 0))
-        ratios = [largest_range_ratio(self._problem.chain(), motions.lower, motions.upper)]
+        ratios = [largest_range_ratio(self._problem.model_at(), motions.lower, motions.upper)]
         if self._limits.joint_rate is not None:
             ratios.append(motions.rate_usage(self._limits.joint_rate))
         return np.asarray(np.stack(ratios, axis=-1))

@@ -25,7 +25,7 @@ _SAME = 1e-9
 
 
 @dataclass(frozen=True)
-class Margin(Objective):
+class LargestMargin(Objective):
     """The largest minimum margin."""
 
     name = "margin"
@@ -202,7 +202,7 @@ class Weights(Objective):
 
 
 NAMED: dict[str, Objective] = {
-    objective.name: objective for objective in (Margin(), Nearest(), Robust(), Still())
+    objective.name: objective for objective in (LargestMargin(), Nearest(), Robust(), Still())
 }
 """The objectives that scenario files name."""
 

@@ -20,7 +20,7 @@ _NEARBY = np.geomspace(1e-4, 0.25, 40)
 def continued(problem: Problem, attitudes: Array, joints: Array) -> Array:
     """Configurations at the start of the path near joints (K, n), for attitudes (K, 4), or NaN."""
     poses = problem.poses_seen_from(attitudes)
-    return newton_solutions(problem.chain(), *poses, problem.task, joints)
+    return newton_solutions(problem.model_at(), *poses, problem.task, joints)
 
 
 def continued_motions(

@@ -32,7 +32,7 @@ from freefloat.planning.plane.arcs import (
 )
 from freefloat.planning.plane.continuation import FollowedStarts
 from freefloat.planning.plane.ranges import reach_limits
-from freefloat.planning.searches.line_search import Function, Samples, resolved
+from freefloat.planning.searches.line_search import Function, LineSamples, resolved
 from freefloat.planning.searches.pattern_search import Flags
 from freefloat.regions.planar_regions import has_two_angle_form
 from freefloat.so3 import Array, IntArray, wrapped
@@ -85,7 +85,7 @@ def searched_ranges(
         labels = {0: "elbow+", 1: "elbow-"}
     else:
         existing = np.flatnonzero(results.exist.any(axis=0)).tolist()
-        names = dict(enumerate(searched_labels(problem.chain(), problem.task)))
+        names = dict(enumerate(searched_labels(problem.model_at(), problem.task)))
         labels = {index: names.get(index, str(index)) for index in existing}
     if not labels:
         return ()
@@ -113,7 +113,7 @@ def searched_ranges(
         kept &= contained
         if followed is not None:
             _follow(within, headings, slacks, kept)
-        lines.append(Samples(round_circle, slacks[closed], kept[closed]))
+        lines.append(LineSamples(round_circle, slacks[closed], kept[closed]))
     flattest = np.inf if problem.redundant else _FLATTEST
     lines = resolved(within, lines, _WIDEST, _NARROWEST, _EXACT, _LEVELS, flattest)
 
@@ -141,7 +141,7 @@ def depth_of_start(evaluator: FeasibilityEvaluator, heading: float, domain: Sear
         return slacks, kept & domain.contains(attitudes)
 
     headings = heading + np.linspace(-np.pi, np.pi, _AROUND)
-    first = Samples(headings, *within(headings, np.zeros(_AROUND, np.int64)))
+    first = LineSamples(headings, *within(headings, np.zeros(_AROUND, np.int64)))
     (line,) = resolved(within, [first], _WIDEST, _NARROWEST, _EXACT, _LEVELS)
     return float(np.abs(line.points[~line.kept] - heading).min(initial=np.pi))
 
@@ -178,7 +178,7 @@ def _slacks(problem: Problem, motions: EnsembleResult) -> tuple[Array, Flags]:
 
 
 def _ranges_of(
-    line: Samples, index: int, label: str, causes: Callable[[Array], list[str]]
+    line: LineSamples, index: int, label: str, causes: Callable[[Array], list[str]]
 ) -> BranchRanges:
     """The ranges that samples round the circle show."""
     (changes,) = np.nonzero(line.kept[:-1] != line.kept[1:])
@@ -234,7 +234,7 @@ def _headings(
         changes += reach_limits(problem, 0.0)
     if problem.start_joints is not None and not problem.redundant:
         changes += branch_changes(problem, known)
-    elif not problem.redundant and closed_form(problem.chain(), problem.task) is None:
+    elif not problem.redundant and closed_form(problem.model_at(), problem.task) is None:
         known = [*known, *_beside_changes(problem)]
     limits, near = np.array(changes), np.append(_NEAR_KNOWN, -_NEAR_KNOWN)
     near_known = np.add.outer(known[:given], near).ravel()

@@ -16,7 +16,7 @@ from freefloat.attitude_grids import low_discrepancy, sphere_directions
 from freefloat.ensemble.feasibility import is_kept
 from freefloat.planning.searches import pattern_search
 from freefloat.planning.searches.pattern_search import Searches, spread
-from freefloat.planning.tolerance import Effort
+from freefloat.planning.tolerance import SearchEffort
 from freefloat.so3 import Array, IntArray, frozen
 
 _ON_SPHERE = 0.5
@@ -48,7 +48,11 @@ Regularity = Callable[[Array], Array]
 
 
 def confirmed_radius(
-    regularity: Regularity, radius: float, effort: Effort, smallest: float, most: float = np.inf
+    regularity: Regularity,
+    radius: float,
+    effort: SearchEffort,
+    smallest: float,
+    most: float = np.inf,
 ) -> float:
     """The largest radius, up to a given one, whose ball no adversarial search breaks.
 
@@ -77,7 +81,7 @@ def confirmed_radius(
 def violations(
     regularity: Regularity,
     radius: float,
-    effort: Effort,
+    effort: SearchEffort,
     seed: int = 0,
     known: Array = _NONE,
 ) -> Array:

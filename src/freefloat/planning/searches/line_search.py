@@ -29,7 +29,7 @@ _ROUNDS = 6
 
 
 @dataclass(frozen=True, eq=False)
-class Samples:
+class LineSamples:
     """Samples along a line.
 
     Attributes:
@@ -43,7 +43,7 @@ class Samples:
     slacks: Array
     kept: Flags
 
-    def and_others(self, points: Array, slacks: Array, kept: Flags) -> Samples:
+    def and_others(self, points: Array, slacks: Array, kept: Flags) -> LineSamples:
         """These and other samples, which replace those at the same points."""
         together = np.concatenate([self.points, points])
         order = np.argsort(together, kind="stable")
@@ -52,7 +52,7 @@ class Samples:
             np.concatenate([self.slacks, slacks])[order],
             np.concatenate([self.kept, kept])[order],
         )
-        return Samples(together[order], *both)
+        return LineSamples(together[order], *both)
 
     def doubtful(self, widest: float, finest: float) -> Array:
         """Points that divide intervals in which a requirement may be violated, shape (M,)."""
@@ -102,13 +102,13 @@ Function = Callable[[Array, IntArray], tuple[Array, Flags]]
 
 def resolved(
     function: Function,
-    lines: list[Samples],
+    lines: list[LineSamples],
     widest: float,
     finest: float,
     exact: float,
     levels: int,
     flattest: float = np.inf,
-) -> list[Samples]:
+) -> list[LineSamples]:
     """Samples among which nothing but what they show violates a requirement.
 
     Args:
@@ -139,7 +139,7 @@ def resolved(
     return lines
 
 
-def _with(function: Function, lines: list[Samples], added: list[Array]) -> list[Samples]:
+def _with(function: Function, lines: list[LineSamples], added: list[Array]) -> list[LineSamples]:
     """The lines with further samples."""
     counts = [len(points) for points in added]
     slacks, kept = function(np.concatenate(added), np.repeat(np.arange(len(lines)), counts))

@@ -130,7 +130,7 @@ class Turns(Clouds):
 
 
 @dataclass(frozen=True)
-class Cones:
+class ConePattern:
     """Vectors in directions around those of others, shorter by ``reductions`` or as long."""
 
     reductions: tuple[float, ...] = _REDUCTIONS
@@ -222,7 +222,7 @@ def shortest(
 
     groups = np.zeros(len(vectors), np.int64) if groups is None else groups
     searches = Searches(vectors, -np.linalg.norm(vectors, axis=1), groups)
-    return pattern_search(Cones(), merit, searches, angle, _FINEST, rounds).points
+    return pattern_search(ConePattern(), merit, searches, angle, _FINEST, rounds).points
 
 
 def spread(vectors: Array, count: int) -> Array:

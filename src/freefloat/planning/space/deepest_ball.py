@@ -20,7 +20,7 @@ from freefloat.planning.searches.adversary import CAUTION
 from freefloat.planning.searches.nearest_neighbours import depths, nearest_among
 from freefloat.planning.searches.pattern_search import Clouds, Searches, pattern_search, spread
 from freefloat.planning.space.attitude_map import AttitudeMap
-from freefloat.planning.space.robust_radius import Surroundings, confirmed, outside_within
+from freefloat.planning.space.robust_radius import NearbyAttitudes, confirmed, outside_within
 from freefloat.so3 import Array, IntArray, angle_between, rotation_vector_to
 
 _ROUNDS = 16
@@ -44,7 +44,7 @@ _FINEST = 2e-3
 """Accuracy of centres [rad]."""
 
 
-class _Limits:
+class _Outside:
     """Attitudes known to be outside the feasible set of a branch, which limit balls inside.
 
     Attributes:
@@ -98,10 +98,10 @@ class _Limits:
         return [Ball(centre, self.branch, radius) for centre, radius in balls]
 
 
-class _Search:
+class _BallSearch:
     """What limits balls of each branch, and evaluations that find it."""
 
-    def __init__(self, evaluator: FeasibilityEvaluator, limits: dict[int | None, _Limits]) -> None:
+    def __init__(self, evaluator: FeasibilityEvaluator, limits: dict[int | None, _Outside]) -> None:
         self._evaluator, self._limits = evaluator, limits
         self._probes = 0
 
@@ -119,7 +119,7 @@ class _Search:
 
     def probed(self, balls: list[Ball]) -> list[Ball]:
         """Balls with the radii that their centres and attitudes near their spheres leave them."""
-        around = Surroundings.of(self._evaluator, balls)
+        around = NearbyAttitudes.of(self._evaluator, balls)
         self._probes += 1  # always in other directions
         directions = even_directions(_DIRECTIONS * self._probes)[-_DIRECTIONS:]
         radii = np.array([ball.radius for ball in balls])
@@ -137,7 +137,7 @@ class _Search:
         known = [self._limits[ball.branch].directions(ball) for ball in balls]
         numbers = np.repeat(np.arange(len(balls)), [len(vectors) for vectors in known])
         if len(numbers):
-            around = Surroundings.of(self._evaluator, balls)
+            around = NearbyAttitudes.of(self._evaluator, balls)
             closest = around.closest(np.vstack(known), numbers, _CONE, _QUICK)
             self._add(around, balls, closest, numbers)
         return self.updated(balls)
@@ -145,7 +145,7 @@ class _Search:
     def confirmed(self, ball: Ball) -> Ball | None:
         """The ball, slightly smaller, if nothing in it is outside; else that limits the next."""
         radius = CAUTION * ball.radius
-        around = Surroundings.of(self._evaluator, [ball])
+        around = NearbyAttitudes.of(self._evaluator, [ball])
         outside = outside_within(around, radius, self._probes)
         if not len(outside):
             return Ball(ball.attitude, ball.branch, radius)
@@ -154,7 +154,7 @@ class _Search:
         return None
 
     def _add(
-        self, around: Surroundings, balls: list[Ball], vectors: Array, numbers: IntArray
+        self, around: NearbyAttitudes, balls: list[Ball], vectors: Array, numbers: IntArray
     ) -> None:
         """Remember that rotations (M, 3) of the centres of balls (M,) lead outside."""
         attitudes, _ = around.rotated(vectors, numbers)
@@ -172,19 +172,19 @@ def deepest(
     Returns:
         None where no sample is feasible and avoids all singularities.
     """
-    limits: dict[int | None, _Limits] = {}
+    limits: dict[int | None, _Outside] = {}
     probed: list[Ball] = []
     for branch, _ in samples.branch_margins():
         regular = samples.regular(branch)
         if regular.any():
             tangent = [point.attitude for point in known if point.branch == branch]
             outside = np.vstack([samples.attitudes[~regular], *tangent])
-            limits[branch] = _Limits(samples.search.domain, branch, outside)
+            limits[branch] = _Outside(samples.search.domain, branch, outside)
             start = int(np.argmax(depths(samples.attitudes, regular, evaluator.threads)))
             probed.append(Ball(samples.attitudes[start], branch, np.pi))
     if not probed:
         return None
-    search = _Search(evaluator, limits)
+    search = _BallSearch(evaluator, limits)
     probed += search.probed(search.updated(probed))
     for _ in range(_ROUNDS // evaluator.sample_reduction):
         candidates, best = search.candidates(), search.updated(probed)[0]

@@ -18,9 +18,9 @@ from freefloat.planning.searches.adversary import (
     confirmed_radius,
     shortest_length,
 )
-from freefloat.planning.searches.line_search import Function, Samples, resolved
+from freefloat.planning.searches.line_search import Function, LineSamples, resolved
 from freefloat.planning.searches.pattern_search import Flags
-from freefloat.planning.tolerance import Effort, Tolerance
+from freefloat.planning.tolerance import SearchEffort, Tolerance
 from freefloat.so3 import Array, IntArray
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ _LADDER = 0.5 ** np.arange(14.0)
 """Deviations tried in these directions, as fractions of the limit."""
 _SMALLEST = 1e-5
 """Smallest tolerance, as a fraction of the limit."""
-EFFORT = Effort(samples=768, descents=16)
+EFFORT = SearchEffort(samples=768, descents=16)
 """Effort of the adversarial searches that confirm the tolerated deviation."""
 _SECTIONS = 40
 """Durations tried first, longer and shorter ones."""
@@ -71,7 +71,7 @@ def tolerance(integrator: Integrator, attitude: Array, joints: Array) -> Toleran
         slacks = np.column_stack([result.minimum - threshold, values[:, 1] - 1.0])
         return slacks, is_kept(values)
 
-    D, _ = inertia_matrices(problem.chain(), joints)
+    D, _ = inertia_matrices(problem.model_at(), joints)
     limit = float(np.trace(D)) / 3.0 * 2.0 * np.pi / duration
     deviation = _momentum_tolerance(lambda added: regularity(motions(h + added), threshold), limit)
     powers = np.log(LONGEST) * np.array([-1.0, 1.0])
@@ -95,7 +95,7 @@ def _momentum_tolerance(regularity: Regularity, limit: float) -> float:
 def _kept_around_zero(function: Function, low: float, high: float) -> Array:
     """Ends of the interval around zero, inside two others, that keeps all requirements, (2,)."""
     powers = np.linspace(low, high, 2 * _SECTIONS + 1)
-    samples = Samples(powers, *function(powers, np.zeros(len(powers), np.int64)))
+    samples = LineSamples(powers, *function(powers, np.zeros(len(powers), np.int64)))
     (samples,) = resolved(function, [samples], high, _FINEST, _EXACT, _LEVELS)
     before, after = samples.points <= 0.0, samples.points >= 0.0
     shorter, longer = samples.points[before][::-1], samples.points[after]

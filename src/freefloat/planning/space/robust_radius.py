@@ -28,7 +28,7 @@ from freefloat.planning.searches.adversary import (
 )
 from freefloat.planning.searches.pattern_search import ROUNDS, Flags, shortest
 from freefloat.planning.space.climbing import branch_numbers
-from freefloat.planning.tolerance import Effort
+from freefloat.planning.tolerance import SearchEffort
 from freefloat.so3 import Array, IntArray, rotated, rotation_vector_to
 
 _WIDE = 512
@@ -37,12 +37,12 @@ _CONE = 0.5
 """Angle of the first directions of the search for the closest attitude outside [rad]."""
 _SMALLEST = 2e-5
 """Smallest radius of a ball [rad]."""
-EFFORT = Effort(samples=2048, descents=24)
+EFFORT = SearchEffort(samples=2048, descents=24)
 """Effort of the adversarial searches that confirm a ball."""
 
 
 @dataclass(frozen=True, eq=False)
-class Surroundings:
+class NearbyAttitudes:
     """Rotations of some attitudes, and which of them lead out of the feasible set.
 
     Attributes:
@@ -56,7 +56,7 @@ class Surroundings:
     branches: IntArray | None
 
     @classmethod
-    def of(cls, evaluator: FeasibilityEvaluator, centres: Sequence[Candidate]) -> Surroundings:
+    def of(cls, evaluator: FeasibilityEvaluator, centres: Sequence[Candidate]) -> NearbyAttitudes:
         """Those of candidates, all or none of which have a number of an arm branch."""
         attitudes = np.array([centre.attitude for centre in centres])
         return cls(evaluator, attitudes, branch_numbers(centres))
@@ -100,7 +100,7 @@ def robust_radius(
     Confirmed by adversarial searches in a slightly larger ball. The search begins within the angle
     ``reach``; without a number the best branch of a redundant arm counts.
     """
-    around = Surroundings.of(evaluator, [Candidate(attitude, branch)])
+    around = NearbyAttitudes.of(evaluator, [Candidate(attitude, branch)])
     count = _WIDE // evaluator.sample_reduction
     size, outside = reach / 2.0, np.empty((0, 3))
     while not len(outside) and size < np.pi:
@@ -115,14 +115,14 @@ def robust_radius(
 
 def confirmed(evaluator: FeasibilityEvaluator, ball: Ball) -> Ball:
     """The ball, made smaller where attitudes in it or just beyond it are outside."""
-    around = Surroundings.of(evaluator, [ball])
+    around = NearbyAttitudes.of(evaluator, [ball])
     radius = confirmed_radius(
         around.regularity, CAUTION * ball.radius, EFFORT, _SMALLEST, most=np.pi
     )
     return replace(ball, radius=radius)
 
 
-def outside_within(around: Surroundings, radius: float, seed: int) -> Array:
+def outside_within(around: NearbyAttitudes, radius: float, seed: int) -> Array:
     """Rotation vectors to attitudes outside, in a ball or just beyond it, shape (K, 3)."""
     return violations(around.regularity, min(BEYOND * radius, np.pi), EFFORT, seed)
 

@@ -174,7 +174,7 @@ def _largest_squares(
     return np.asarray(np.maximum(result.x, 0.0) * scale)
 
 
-class _Places(NamedTuple):
+class _PathStates(NamedTuple):
     """States of a motion at K values of s, the path's derivatives by s, and speeds ds/dt > 0."""
 
     attitudes: Array
@@ -216,22 +216,22 @@ class _PathLimits:
             kept &= bool((np.abs(q_rates) <= self._limits.joint_rate).all())
         return kept
 
-    def _places(self, s: Array) -> _Places:
+    def _places(self, s: Array) -> _PathStates:
         times = self._timing.time_at(s)
         _, attitudes, joints = self._motion.evaluate(self._motion.coordinates_at(times))
-        return _Places(
+        return _PathStates(
             attitudes, joints, self._path.tangent(s), self._path.second_derivative(s),
             np.maximum(self._timing.s(times, 1), self._slowest),
         )  # fmt: skip
 
-    def _rates(self, places: _Places, speeds: Array) -> tuple[Array, Array]:
+    def _rates(self, places: _PathStates, speeds: Array) -> tuple[Array, Array]:
         twists = self._twists(places, speeds)
         return self._solver.rates(places.attitudes, places.joints, twists, speeds)
 
-    def _twists(self, places: _Places, speeds: Array) -> Array:
+    def _twists(self, places: _PathStates, speeds: Array) -> Array:
         return np.asarray(places.tangents * speeds[:, None] - self._drift)
 
-    def _largest_speeds(self, places: _Places) -> Array:
+    def _largest_speeds(self, places: _PathStates) -> Array:
         """The largest ds/dt that rates allow [1/s], shape (K,)."""
         still = np.zeros(len(places.speeds))
         omega, q_rates = self._rates(places, still + 1.0)
@@ -254,14 +254,14 @@ class _PathLimits:
             speeds = np.where(turns, np.minimum(speeds, largest), speeds)
         return speeds
 
-    def _torques(self, places: _Places, speeds: Array) -> Array:
+    def _torques(self, places: _PathStates, speeds: Array) -> Array:
         """Joint torques at constant ds/dt, shape (K, n)."""
         prescribed = self._twists(places, speeds), speeds
         change = places.curvatures * speeds[:, None] ** 2, 0.0 * speeds
         effort = self._law.effort_of(places.attitudes, places.joints, prescribed, change)
         return effort.joint_torques
 
-    def _torque_rows(self, places: _Places) -> tuple[Array, Array, Array]:
+    def _torque_rows(self, places: _PathStates) -> tuple[Array, Array, Array]:
         """Rows a, b, c of a u + b x <= c, both signs of every joint, shape (K, 2 n) each."""
         attitudes, joints, *_, speeds = places
         v, still = speeds[:, None], 0.0 * speeds

@@ -52,8 +52,8 @@ def headings_figure(
     figure = new_figure(COLUMN, 0.7 + 1.35 * len(curves))
     panels = figure.subplots(len(curves), 1, sharex=True, squeeze=False)[:, 0]
     for axes, (branch, name, values, spans) in zip(panels, curves, strict=True):
-        label = short_label(name) if len(curves) > _FEW else ""
-        axes.plot(np.degrees(result.headings), values, color=BLUE, label=label or name)
+        short = short_label(name) if len(curves) > _FEW else ""
+        axes.plot(np.degrees(result.headings), values, color=BLUE, label=short or name)
         for number, (low, high) in enumerate(spans):
             label = "feasible" if number == 0 else None
             axes.axvspan(low, high, color=_FEASIBLE, linewidth=0.0, zorder=0, label=label)

@@ -26,7 +26,7 @@ from freefloat.visualization.page.server import open_browser
 from freefloat.visualization.scenes import meshcat
 from freefloat.visualization.scenes.description import Samples
 from freefloat.visualization.scenes.result_scenes import result_scene
-from freefloat.visualization.scenes.scene_builder import ROOT, Scene
+from freefloat.visualization.scenes.scene_builder import ROOT, PageScene
 
 SIDE_BY_SIDE, ALL_PHASES = "side by side", "all phases"
 _HERE = Path(__file__).parent
@@ -43,7 +43,7 @@ class Playback:
         scene: The scene.
     """
 
-    scene: Scene = field(repr=False)
+    scene: PageScene = field(repr=False)
 
     @property
     def duration(self) -> float:

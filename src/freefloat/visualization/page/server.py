@@ -35,7 +35,7 @@ def serve(html: str, port: int, ready: Callable[[str], object]) -> None:
     Raises:
         InputError: If no port is free.
     """
-    with first_free(port, lambda free: _Server((HOST, free), _Handler)) as server:
+    with first_free(port, lambda free: _Server((HOST, free), _PageHandler)) as server:
         server.page = html.encode()
         terminate = signal.signal(signal.SIGTERM, signal.default_int_handler)
         try:
@@ -56,7 +56,7 @@ class _Server(ThreadingHTTPServer):
             super().handle_error(request, client_address)
 
 
-class _Handler(BaseHTTPRequestHandler):
+class _PageHandler(BaseHTTPRequestHandler):
     server: _Server
     timeout = _PATIENCE
 

@@ -19,7 +19,7 @@ from freefloat.visualization.scenes.description import (
     View,
 )
 from freefloat.visualization.scenes.overlays import tube
-from freefloat.visualization.scenes.scene_builder import ROOT, Scene, SceneBuilder
+from freefloat.visualization.scenes.scene_builder import ROOT, PageScene, SceneBuilder
 
 NODE, CIRCLE, BEST = "headings", "Circle", "Best heading"
 _INNERMOST = 0.3
@@ -30,7 +30,7 @@ _CORNERS = [[x, y, 0.0] for x in (-1.3, 1.2) for y in (-1.1, 1.3)]
 _VIEW = View([0.0, 0.0, 0.0], 1.2, _CORNERS, direction=[0.0, -0.02, 1.0], flat=True)
 
 
-def heading_scene(result: HeadingMap, title: str = "freefloat") -> Scene:
+def heading_scene(result: HeadingMap, title: str = "freefloat") -> PageScene:
     """The scene of a map over headings, for a page with a title.
 
     Headings are angles from the x axis. The ring of the first arm branch is the outermost.

@@ -25,7 +25,7 @@ from freefloat.visualization.scenes.description import (
     View,
 )
 from freefloat.visualization.scenes.overlays import draw_axes, tube
-from freefloat.visualization.scenes.scene_builder import ROOT, Scene, SceneBuilder, node
+from freefloat.visualization.scenes.scene_builder import ROOT, PageScene, SceneBuilder, node
 from freefloat.visualization.slices import Mark, map_marks, rotation_vectors
 
 FRONT, BACK = "Feasible, y < 0", "Feasible, y > 0"
@@ -56,7 +56,7 @@ _VIEW = View(
 
 
 @dataclass(frozen=True, eq=False)
-class _Group:
+class _BranchMargins:
     """Margins of one scene: of a branch and its wrist-flipped branch, or of the best branch.
 
     They are negative where the start of the path is not reached.
@@ -70,7 +70,7 @@ class _Group:
         return self.branches is None or branch in self.branches
 
 
-def map_scene(result: AttitudeMap, title: str = "freefloat") -> Scene:
+def map_scene(result: AttitudeMap, title: str = "freefloat") -> PageScene:
     """The scene of a map over all attitudes, for a page with a title."""
     margin = result.problem.margin
     vectors = rotation_vectors(result.attitudes)
@@ -103,11 +103,11 @@ def map_scene(result: AttitudeMap, title: str = "freefloat") -> Scene:
     )
 
 
-def _groups(result: AttitudeMap) -> Iterator[_Group]:
+def _groups(result: AttitudeMap) -> Iterator[_BranchMargins]:
     """Yield the best branch, then the branches; wrist-flipped ones share a group."""
     reached = result.results.exist
     best = result.margins.max(axis=1, initial=0.0)
-    yield _Group(BEST_BRANCH, None, np.where(reached.any(axis=1), best, -1.0))
+    yield _BranchMargins(BEST_BRANCH, None, np.where(reached.any(axis=1), best, -1.0))
     flipped = has_wrist_flipped_branches(result.problem)
     labels = result.branch_labels()
     for branch, margins in result.branch_margins():
@@ -116,7 +116,7 @@ def _groups(result: AttitudeMap) -> Iterator[_Group]:
         name = branch_name(labels[branch])
         branches = (branch, branch + 1) if flipped else (branch,)
         values = np.where(reached[:, branch], margins, -1.0)
-        yield _Group(f"{name[:-1]}±" if flipped else name, branches, values)
+        yield _BranchMargins(f"{name[:-1]}±" if flipped else name, branches, values)
 
 
 def _draw_samples(
@@ -166,7 +166,7 @@ def _draw_marks(builder: SceneBuilder, root: str, marks: Sequence[Mark]) -> list
     return labels
 
 
-def _lines(result: AttitudeMap, group: _Group) -> Iterator[str]:
+def _lines(result: AttitudeMap, group: _BranchMargins) -> Iterator[str]:
     """Text of a scene: the percentage of feasible attitudes and the scores of the marks."""
     margin = result.problem.margin
     measure = f"|{margin.measure.title}|"

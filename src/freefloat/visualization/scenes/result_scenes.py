@@ -12,10 +12,10 @@ from freefloat.motion.motion import Motion
 from freefloat.planning.plan import Plan
 from freefloat.planning.simulation import Simulation
 from freefloat.visualization.scenes.scene import motion_scene
-from freefloat.visualization.scenes.scene_builder import Scene
+from freefloat.visualization.scenes.scene_builder import PageScene
 
 
-def result_scene(shown: Any, title: str) -> Scene:
+def result_scene(shown: Any, title: str) -> PageScene:
     """The scene of a result, or of motions by name.
 
     Raises:
@@ -26,23 +26,23 @@ def result_scene(shown: Any, title: str) -> Scene:
             accepted = "a Motion for each name, such as simulate(...).chosen.motion"
             require_type(f"motions.{name}", motion, Motion, accepted)
         return motion_scene(dict(shown), title)
-    scene: Scene = named(kind_of(shown).scene)(shown, title)
+    scene: PageScene = named(kind_of(shown).scene)(shown, title)
     return scene
 
 
-def single_motion_scene(motion: Motion, title: str) -> Scene:
+def single_motion_scene(motion: Motion, title: str) -> PageScene:
     """The scene of a motion."""
     return motion_scene({"motion": motion}, title)
 
 
-def simulation_scene(simulation: Simulation, title: str) -> Scene:
+def simulation_scene(simulation: Simulation, title: str) -> PageScene:
     """The scene of all arm branches, the chosen one first."""
     branches = sorted(simulation.branches, key=lambda branch: branch is not simulation.chosen)
     motions = {branch.title: branch.motion for branch in branches}
     return motion_scene(motions, title, _pointing(simulation.limits))
 
 
-def plan_scene(plan: Plan, title: str) -> Scene:
+def plan_scene(plan: Plan, title: str) -> PageScene:
     """The scene of the chosen motion of a plan; an InputError without one."""
     if plan.chosen is None:
         raise InputError("plan", f"it has no motion: {plan.reason}", "a plan with a motion")

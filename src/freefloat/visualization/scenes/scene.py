@@ -45,7 +45,7 @@ from freefloat.visualization.scenes.overlays import (
 )
 from freefloat.visualization.scenes.pointing_cones import POINTING
 from freefloat.visualization.scenes.sampled_motion import MAX_KEYS, SampledMotion, sampled_motion
-from freefloat.visualization.scenes.scene_builder import ROOT, Scene, SceneBuilder, node
+from freefloat.visualization.scenes.scene_builder import ROOT, PageScene, SceneBuilder, node
 from freefloat.visualization.scenes.visuals import (
     bounding_box,
     robot_visuals,
@@ -81,7 +81,7 @@ def motion_scene(
     title: str = "freefloat",
     pointing: Sequence[PointingLimit] = (),
     places: Sequence[Place] = (),
-) -> Scene:
+) -> PageScene:
     """The scene of motions, each below a node with its name.
 
     Args:

@@ -39,7 +39,7 @@ Colour = Sequence[float]
 
 
 @dataclass(frozen=True, eq=False)
-class Scene:
+class PageScene:
     """MeshCat commands of a scene and its description for the page.
 
     Attributes:
@@ -89,7 +89,7 @@ class SceneBuilder:
             self._set(f"Lights/{light}/<object>", "distance", 0.0)
             self._set(f"Lights/{light}/<object>", "intensity", 0.25)
 
-    def scene(self, description: SceneDescription) -> Scene:
+    def scene(self, description: SceneDescription) -> PageScene:
         """The scene; all clips have the duration of the description, else they freeze."""
         animation = None
         if self._tracks:
@@ -102,7 +102,7 @@ class SceneBuilder:
             animation = bytes(umsgpack.packb(
                 {"type": "set_animation", "path": "", "animations": clips, "options": options}
             ))  # fmt: skip
-        return Scene(tuple(self._objects), tuple(self._copies), animation, description)
+        return PageScene(tuple(self._objects), tuple(self._copies), animation, description)
 
     def mesh(
         self,

@@ -14,7 +14,7 @@ import numpy as np
 from freefloat.beyond.missions.goals.goal import Goal
 from freefloat.beyond.missions.goals.goal_motion import GoalMotion, earlier
 from freefloat.beyond.missions.goals.mover import move_from
-from freefloat.beyond.missions.goals.query import Query, Start
+from freefloat.beyond.missions.goals.query import GoalStart, Query
 from freefloat.concurrency import Progress
 from freefloat.limits.check import LimitChecker
 from freefloat.limits.limits import Limits
@@ -29,7 +29,7 @@ from freefloat.so3 import Array
 def arrive(
     problem: Problem,
     present: tuple[Array, Array],
-    state: Start,
+    state: GoalStart,
     limits: Limits,
     *,
     duration: float | None = None,

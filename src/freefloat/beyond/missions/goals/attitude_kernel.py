@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from freefloat.beyond.missions.goals.placements import Arm
+from freefloat.beyond.missions.goals.placements import PlacedArm
 from freefloat.dynamics.kernels.configurations import Configurations
 from freefloat.lockstep.compilation import compiled, inner
 from freefloat.so3 import Array
@@ -26,7 +26,7 @@ _STEP = 2e-5
 """Step of the joint values for differences [rad, m]."""
 
 
-class Buffers(NamedTuple):
+class AttitudeBuffers(NamedTuple):
     """Arrays that the kernel writes.
 
     Attributes:
@@ -74,7 +74,7 @@ def _exponential(v: Array, F: Array, J: Array) -> None:
 
 
 @inner
-def _propagate(buffers: Buffers, g: int, F: Array, J: Array) -> None:
+def _propagate(buffers: AttitudeBuffers, g: int, F: Array, J: Array) -> None:
     """Write the variations at the end of the interval whose second Gauss point has the number g."""
     turns, omega, slopes = buffers.turns, buffers.omega, buffers.slopes
     number, step = g // 2, 2.0 / len(omega)
@@ -116,7 +116,13 @@ class JointSamples(NamedTuple):
 
     @classmethod
     def of(
-        cls, arm: Arm, joints: Array, rates: Array, by_duration: Array, basis: Array, order: int
+        cls,
+        arm: PlacedArm,
+        joints: Array,
+        rates: Array,
+        by_duration: Array,
+        basis: Array,
+        order: int,
     ) -> JointSamples:
         """Samples of joint values (2 N, n) and their derivatives by s; of order 0 without slopes.
 
@@ -157,7 +163,7 @@ class _Gauss(NamedTuple):
 
 @compiled
 def march(
-    samples: JointSamples, momenta: Array, duration: float, buffers: Buffers, order: int
+    samples: JointSamples, momenta: Array, duration: float, buffers: AttitudeBuffers, order: int
 ) -> None:
     """Write attitudes and rates of the spacecraft along a joint path.
 
@@ -204,7 +210,12 @@ def march(
 
 @inner
 def _add_spin(
-    at: _Gauss, g: int, samples: JointSamples, momenta: Array, duration: float, buffers: Buffers
+    at: _Gauss,
+    g: int,
+    samples: JointSamples,
+    momenta: Array,
+    duration: float,
+    buffers: AttitudeBuffers,
 ) -> None:
     """Add the angular velocity due to the momentum at Gauss point g; write its derivatives."""
     before, omega, h = buffers.attitudes[g // 2], buffers.omega, at.h
@@ -235,7 +246,7 @@ def _add_spin(
 
 @inner
 def _write_slopes(
-    at: _Gauss, g: int, loaded: bool, samples: JointSamples, buffers: Buffers
+    at: _Gauss, g: int, loaded: bool, samples: JointSamples, buffers: AttitudeBuffers
 ) -> None:
     """Write the derivatives of the angular velocity at Gauss point g by the unknowns."""
     by_duration, basis, A = samples.by_duration, samples.basis, samples.turns[g]

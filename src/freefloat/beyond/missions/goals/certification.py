@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from freefloat.beyond.missions.goals.goal_motion import last_state
-from freefloat.beyond.missions.goals.relaxation import Relaxation, Weights
+from freefloat.beyond.missions.goals.relaxation import Relaxation, TermWeights
 from freefloat.limits.check import LimitChecker
 from freefloat.limits.kinds.clearance import ClearanceLimit
 from freefloat.limits.kinds.joint_torque import JointTorqueLimit
@@ -17,7 +17,7 @@ from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
 from freefloat.so3 import Array
 
-FINAL = Weights(1e-3, 1e3)
+FINAL = TermWeights(1e-3, 1e3)
 """Weights with which paths end nearly as short as limits permit."""
 _EXACT = 5e-10
 """Largest residual of a precise motion at its end [rad, m]."""

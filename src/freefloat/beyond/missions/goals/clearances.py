@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from freefloat.beyond.missions.goals.joint_paths import Course, JointPaths
-from freefloat.beyond.missions.goals.placements import Arm, Placements
-from freefloat.beyond.missions.goals.scene_frames import Placed, Places, SceneFrames
-from freefloat.beyond.missions.goals.violations import Violations
+from freefloat.beyond.missions.goals.joint_paths import JointCourse, JointPaths
+from freefloat.beyond.missions.goals.placements import PlacedArm, Placements
+from freefloat.beyond.missions.goals.scene_frames import Placed, SceneFrames, ScenePlaces
+from freefloat.beyond.missions.goals.violations import GoalViolations
 from freefloat.limits.kinds.clearance import ClearanceLimit
 from freefloat.limits.result import LimitResult
 from freefloat.motion.problem import Problem
@@ -76,7 +76,7 @@ class Clearances:
             clearance: The clearance [m].
         """
         self._problem, self._pairs, self._clearance = problem, pairs, clearance
-        self._arm, self._bodies = Arm.of(problem.model), pairs.bodies
+        self._arm, self._bodies = PlacedArm.of(problem.model), pairs.bodies
         centres, radii = pairs.spheres
         balls = np.column_stack([self._bodies.ravel(), centres.reshape(-1, 3), radii.ravel()])
         self._balls, numbers = np.unique(balls, axis=0, return_inverse=True)
@@ -96,7 +96,7 @@ class Clearances:
     def allow_start(self, joints: Array, attitude: Array) -> None:
         """Require no larger distances than there are where a path begins."""
         every = np.arange(len(self._bodies))
-        place = Places(np.zeros(1), attitude[None], Placements.of(self._arm, joints[None]))
+        place = ScenePlaces(np.zeros(1), attitude[None], Placements.of(self._arm, joints[None]))
         first, none = np.zeros_like(every), np.full(len(every), -np.inf)
         scene = self._scene.along(place)
         distances, _, _ = self._pairs.nearest(joints[None], first, every, scene, none)
@@ -112,11 +112,11 @@ class Clearances:
                 self._margins[number] += max(2.0 * lack, self._margins[number])
         return True
 
-    def violations(self, paths: JointPaths, course: Course) -> Violations:
+    def violations(self, paths: JointPaths, course: JointCourse) -> GoalViolations:
         """See :class:`~freefloat.beyond.missions.goals.violations.ShapeLimits`."""
         edges = self._edges(paths)
         times = course.duration * paths.times[edges]
-        places = Places(
+        places = ScenePlaces(
             times, course.attitudes[edges], Placements.of(self._arm, course.joints[edges])
         )
         scene, required = self._scene.along(places), self.required
@@ -168,8 +168,8 @@ class Clearances:
         return np.concatenate([every[: loop + ends], every[-ends:]])
 
     def _with_derivatives(
-        self, table: Array, edges: IntArray, places: Places, paths: JointPaths
-    ) -> Violations:
+        self, table: Array, edges: IntArray, places: ScenePlaces, paths: JointPaths
+    ) -> GoalViolations:
         """Violations of rows of edge, pair, lack, normal and both nearest points."""
         n, rows, pair = paths.joint_count, table[:, 0].astype(int), table[:, 1].astype(int)
         lack, normals = table[:, 2], table[:, 3:6]
@@ -196,6 +196,6 @@ class Clearances:
                 along = (normals[chosen] * velocity).sum(axis=1)
                 by_duration[chosen] += sign * paths.times[edges[rows[chosen]]] * along
         amounts = np.minimum(lack, _DEEPEST) / _SCALE
-        return Violations(
+        return GoalViolations(
             edges[rows], amounts, -by_joints / _SCALE, -by_turn / _SCALE, -by_duration / _SCALE
         )

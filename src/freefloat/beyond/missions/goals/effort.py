@@ -9,7 +9,7 @@ _MOST = 300_000
 
 
 @dataclass(eq=False)
-class Effort:
+class SolverBudget:
     """Work of a search, counted in instants of paths at which they are looked at.
 
     Where a search ends follows from its seed, not from the speed of the machine.

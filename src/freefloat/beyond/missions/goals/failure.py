@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from freefloat.beyond.missions.goals.goal_motion import GoalMotion, earlier
-from freefloat.beyond.missions.goals.joint_paths import Course
+from freefloat.beyond.missions.goals.joint_paths import JointCourse
 from freefloat.beyond.missions.goals.resting import violation_at_rest
 from freefloat.beyond.missions.goals.search import REACHED, GoalSearch
 from freefloat.limits.check import LimitChecker
@@ -64,7 +64,7 @@ def _at_the_goal(outcome: GoalMotion, search: GoalSearch, seed: int, goal_words:
     return replace(outcome, reason=reason)
 
 
-def _violation(outcome: GoalMotion, course: Course) -> LimitResult | None:
+def _violation(outcome: GoalMotion, course: JointCourse) -> LimitResult | None:
     """The limit that the state at the end of a path violates; None where it keeps all."""
     duration = float(course.duration)
     there = earlier(outcome.problem, -duration)

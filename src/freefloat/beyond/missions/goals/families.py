@@ -6,9 +6,9 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from freefloat.beyond.missions.goals.effort import Effort
+from freefloat.beyond.missions.goals.effort import SolverBudget
 from freefloat.beyond.missions.goals.joint_paths import Ends, JointPaths
-from freefloat.beyond.missions.goals.placements import Arm
+from freefloat.beyond.missions.goals.placements import PlacedArm
 from freefloat.beyond.missions.goals.query import Query
 from freefloat.beyond.missions.goals.relaxation import Relaxation
 from freefloat.beyond.missions.goals.violations import ShapeLimits
@@ -28,7 +28,7 @@ _ASSUMED = 1.0
 def families_of(query: Query, shapes: Sequence[ShapeLimits]) -> Iterator[Relaxation]:
     """Families of paths in the order in which they are tried; their effort is shared."""
     problem, start, goal, limits = query.problem, query.start, query.goal, query.limits
-    model, n, effort = problem.model, problem.model.dof, Effort()
+    model, n, effort = problem.model, problem.model.dof, SolverBudget()
     end_rates = np.zeros(n) if goal.joint_rates is None else goal.joint_rates
     accelerations = _accelerations(query)
     rates = np.full(n, np.inf) if limits.joint_rate is None else limits.joint_rate
@@ -45,8 +45,8 @@ def families_of(query: Query, shapes: Sequence[ShapeLimits]) -> Iterator[Relaxat
     momenta = np.array([problem.momentum, problem.wheel_momentum])
     for spans, loops in _MOVING if query.target.attitude is None else _TURNING:
         yield Relaxation(
-            Arm.of(model), JointPaths(ends, spans, loops), query.target, query.attitude, momenta,
-            used * rates, accelerations, used * (limits.base_rate or np.inf),
+            PlacedArm.of(model), JointPaths(ends, spans, loops), query.target, query.attitude,
+            momenta, used * rates, accelerations, used * (limits.base_rate or np.inf),
             np.array([low, high]), shapes, goal.duration is None,
             goal.duration or problem.path.duration, effort,
         )  # fmt: skip

@@ -13,8 +13,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from freefloat.beyond.missions.goals.attitude_kernel import GAUSS, Buffers, JointSamples, march
-from freefloat.beyond.missions.goals.placements import Arm
+from freefloat.beyond.missions.goals.attitude_kernel import (
+    GAUSS,
+    AttitudeBuffers,
+    JointSamples,
+    march,
+)
+from freefloat.beyond.missions.goals.placements import PlacedArm
 from freefloat.motion.joint_spline import DEGREE, JointSpline, spline_basis
 from freefloat.so3 import Array
 
@@ -38,7 +43,7 @@ class Ends(NamedTuple):
     end_rates: Array | None
 
 
-class Course(NamedTuple):
+class JointCourse(NamedTuple):
     """A joint path with the attitudes along it.
 
     Attributes:
@@ -204,8 +209,8 @@ class JointPaths:
         return JointSpline(self.control_points(unknowns))
 
     def course(
-        self, arm: Arm, unknowns: Array, attitude: Array, momenta: Array, order: int = 1
-    ) -> Course:
+        self, arm: PlacedArm, unknowns: Array, attitude: Array, momenta: Array, order: int = 1
+    ) -> JointCourse:
         """Attitudes along a path.
 
         Args:
@@ -221,9 +226,9 @@ class JointPaths:
         attitudes = np.empty((N + 1, 3, 3))
         attitudes[0] = attitude
         turns, slopes = np.zeros((N + 1, 3, width)), np.empty((2 * N, 3, width))
-        buffers = Buffers(attitudes, turns, np.empty((2 * N, 3)), slopes)
+        buffers = AttitudeBuffers(attitudes, turns, np.empty((2 * N, 3)), slopes)
         by_duration = self.gauss @ self.fixed[1]
         samples = JointSamples.of(arm, q, rates, by_duration, self.basis, order)
         march(samples, momenta, float(unknowns[-1]), buffers, order)
         joints = self.edges @ points
-        return Course(unknowns, joints, rates, attitudes, turns, buffers.omega, slopes)
+        return JointCourse(unknowns, joints, rates, attitudes, turns, buffers.omega, slopes)

@@ -16,7 +16,7 @@ from freefloat.beyond.missions.goals.failure import why_not
 from freefloat.beyond.missions.goals.families import families_of
 from freefloat.beyond.missions.goals.goal import Goal
 from freefloat.beyond.missions.goals.goal_motion import GoalMotion, goal_problem
-from freefloat.beyond.missions.goals.query import Query, Start
+from freefloat.beyond.missions.goals.query import GoalStart, Query
 from freefloat.beyond.missions.goals.search import GoalSearch
 from freefloat.beyond.missions.goals.violations import ShapeLimits, StateLimits
 from freefloat.concurrency import Progress, step_of
@@ -114,7 +114,7 @@ def _posed(
     attitude = unit_quaternion("state.attitude", state[0])
     joints = system.model.joint_vector(state[1], "state.joints")
     problem = goal_problem(system, attitude, joints, goal, scene)
-    return Query(problem, Start(attitude, joints, np.zeros_like(joints)), goal, limits)
+    return Query(problem, GoalStart(attitude, joints, np.zeros_like(joints)), goal, limits)
 
 
 def move_from(query: Query, *, seed: int = 0, progress: Progress | None = None) -> GoalMotion:

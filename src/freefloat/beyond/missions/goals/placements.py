@@ -20,7 +20,7 @@ _LEVEL = np.array([1.0, 1.0, 0.0])
 
 
 @dataclass(frozen=True, eq=False)
-class Arm:
+class PlacedArm:
     """A robot in many configurations.
 
     Attributes:
@@ -38,7 +38,7 @@ class Arm:
     origins: Array
 
     @classmethod
-    def of(cls, model: FreeFloatingModel) -> Arm:
+    def of(cls, model: FreeFloatingModel) -> PlacedArm:
         """The data of a robot."""
         frames, (_, points, turns) = frames_at_zero(link_frames(model))[1:], joints_at_zero(model)
         origins = (frames[:, :3] @ (points - frames[:, 3])[..., None])[..., 0]
@@ -66,7 +66,7 @@ class Placements(NamedTuple):
     centre_rates: Array
 
     @classmethod
-    def of(cls, arm: Arm, joints: Array) -> Placements:
+    def of(cls, arm: PlacedArm, joints: Array) -> Placements:
         """Those of joint values (K, n)."""
         frames, centres, _, _ = Configurations.of(arm.robot, joints)
         x, axes, points, P = np.moveaxis(frames, 2, 0)

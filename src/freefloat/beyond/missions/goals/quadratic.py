@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from freefloat.beyond.missions.goals.joint_paths import Course
+from freefloat.beyond.missions.goals.joint_paths import JointCourse
 from freefloat.so3 import Array
 
 WEIGHT_OF_END = 10.0
@@ -53,7 +53,7 @@ class Quadratic:
         jacobian: Their derivatives, shape (size, unknowns).
     """
 
-    course: Course
+    course: JointCourse
     smooth: float
     gradient: Array
     matrix: Array

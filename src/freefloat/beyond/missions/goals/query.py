@@ -25,7 +25,7 @@ _SAME = 1e-9
 """Distance from a goal that is the state at the start [rad, m]."""
 
 
-class Start(NamedTuple):
+class GoalStart(NamedTuple):
     """The state at which a motion begins.
 
     Attributes:
@@ -53,7 +53,7 @@ class Query:
     """
 
     problem: Problem
-    start: Start
+    start: GoalStart
     goal: Goal
     limits: Limits
     goal_words: str = "the goal"

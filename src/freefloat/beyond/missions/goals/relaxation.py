@@ -14,10 +14,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from freefloat.beyond.missions.goals.effort import Effort
-from freefloat.beyond.missions.goals.joint_paths import COARSE_INTERVALS, Course, JointPaths
+from freefloat.beyond.missions.goals.effort import SolverBudget
+from freefloat.beyond.missions.goals.joint_paths import COARSE_INTERVALS, JointCourse, JointPaths
 from freefloat.beyond.missions.goals.penalties import JointValues, beyond_one
-from freefloat.beyond.missions.goals.placements import Arm
+from freefloat.beyond.missions.goals.placements import PlacedArm
 from freefloat.beyond.missions.goals.quadratic import WEIGHT_OF_END, Quadratic
 from freefloat.beyond.missions.goals.target import Target
 from freefloat.beyond.missions.goals.violations import ShapeLimits
@@ -42,7 +42,7 @@ _SHAPES = 0.1
 """Weight of violations of shapes over that of rates."""
 
 
-class Weights(NamedTuple):
+class TermWeights(NamedTuple):
     """Weights of what is minimized.
 
     Attributes:
@@ -76,7 +76,7 @@ class Relaxation:
         effort: Work of the search; iterations end where it is spent.
     """
 
-    arm: Arm
+    arm: PlacedArm
     paths: JointPaths
     target: Target
     attitude: Array
@@ -88,18 +88,18 @@ class Relaxation:
     shapes: Sequence[ShapeLimits]
     free_duration: bool
     reference: float
-    effort: Effort
+    effort: SolverBudget
 
     @cached_property
     def coarse(self) -> Relaxation:
         """The same with fewer instants that are looked at, to begin with."""
         return replace(self, paths=replace(self.paths, fineness=COARSE_INTERVALS))
 
-    def course(self, unknowns: Array, order: int = 1) -> Course:
+    def course(self, unknowns: Array, order: int = 1) -> JointCourse:
         """The path of some unknowns, with derivatives if the order is 1."""
         return self.paths.course(self.arm, unknowns, self.attitude, self.momenta, order)
 
-    def usage(self, course: Course) -> float:
+    def usage(self, course: JointCourse) -> float:
         """Largest ratio of joint rates and of the spacecraft's rate to their limits."""
         joints = np.abs(course.rates / self.joint_rate).max()
         base = np.linalg.norm(course.omega, axis=1).max() / self.base_rate
@@ -112,7 +112,7 @@ class Relaxation:
         usage = self.usage(self.course(unknowns, 0))
         return np.append(unknowns[:-1], max(unknowns[-1] * usage, self.reference / 100.0))
 
-    def relaxed(self, unknowns: Array, weights: Weights, iterations: int) -> Quadratic:
+    def relaxed(self, unknowns: Array, weights: TermWeights, iterations: int) -> Quadratic:
         """The problem at a path near the least value, from another one."""
         reference, of_end = float(unknowns[-1]), WEIGHT_OF_END
         damping = _DAMPING * weights.violations
@@ -144,7 +144,7 @@ class Relaxation:
         return here
 
     def closed(
-        self, unknowns: Array, weights: Weights, offset: Array | float = 0.0,
+        self, unknowns: Array, weights: TermWeights, offset: Array | float = 0.0,
         accuracy: float = _CLOSED,
     ) -> Array | None:  # fmt: skip
         """Unknowns nearby whose residuals at the end are the offset; the duration is held."""
@@ -157,7 +157,7 @@ class Relaxation:
         return unknowns if np.abs(error).max(initial=0.0) < 1e3 * _CLOSED else None
 
     def linearized(
-        self, unknowns: Array, weights: Weights, reference: float | None = None
+        self, unknowns: Array, weights: TermWeights, reference: float | None = None
     ) -> Quadratic:
         """The problem at a path; its duration is held unless it is minimized, over a reference."""
         course, paths = self.course(unknowns), self.paths
@@ -182,7 +182,9 @@ class Relaxation:
             matrix[-1, -1] = 1.0
         return Quadratic(course, smooth, gradient, matrix, hinges, slopes, error, of_end)
 
-    def _beyond_limits(self, course: Course, rates: JointValues) -> Iterator[tuple[Array, Array]]:
+    def _beyond_limits(
+        self, course: JointCourse, rates: JointValues
+    ) -> Iterator[tuple[Array, Array]]:
         """How far a path is beyond limits to which it is near, with derivatives."""
         yield rates.beyond_limits()
         yield from self._beyond_ranges(course)
@@ -195,14 +197,14 @@ class Relaxation:
             found = shape.violations(self.paths, course)
             yield _SHAPES * found.amounts, _SHAPES * found.jacobian(self.paths, course)
 
-    def _base_rates(self, course: Course) -> tuple[Array, Array]:
+    def _base_rates(self, course: JointCourse) -> tuple[Array, Array]:
         """Rates of the spacecraft over the limit at the G Gauss points, (G, 3), and derivatives."""
         T = course.duration
         base, slopes = course.omega / self.base_rate / T, course.slopes / self.base_rate / T
         slopes[:, :, -1] -= base / T
         return base, slopes
 
-    def _beyond_ranges(self, course: Course) -> Iterator[tuple[Array, Array]]:
+    def _beyond_ranges(self, course: JointCourse) -> Iterator[tuple[Array, Array]]:
         """How far control points are beyond the joint ranges or near them, with derivatives."""
         paths, (lower, upper) = self.paths, self.ranges
         points, n = paths.control_points(course.unknowns), paths.joint_count

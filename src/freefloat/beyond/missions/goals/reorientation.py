@@ -61,7 +61,7 @@ def reorient(
         (True, True)
     """
     from freefloat.beyond.missions.goals.mover import move_from  # compiled kernels
-    from freefloat.beyond.missions.goals.query import Query, Start
+    from freefloat.beyond.missions.goals.query import GoalStart, Query
 
     require_problem(problem)
     problem.model.require_one_arm("reorientations")
@@ -73,7 +73,7 @@ def reorient(
         duration = problem.path.duration
     rest = _rest(problem, limits, end, joints)
     wanted = Goal(attitude=end, joints=rest, duration=duration)
-    state = Start(begin, rest, np.zeros_like(rest))
+    state = GoalStart(begin, rest, np.zeros_like(rest))
     return move_from(Query(problem, state, wanted, limits), seed=seed, progress=progress)
 
 

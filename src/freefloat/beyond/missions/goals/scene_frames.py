@@ -14,7 +14,7 @@ _LATER = 1e-3
 """Difference of times in velocities of the scene [s]."""
 
 
-class Places(NamedTuple):
+class ScenePlaces(NamedTuple):
     """Where a robot is at K instants.
 
     Attributes:
@@ -27,9 +27,9 @@ class Places(NamedTuple):
     attitudes: Array
     bodies: Placements
 
-    def taken(self, rows: IntArray) -> Places:
+    def taken(self, rows: IntArray) -> ScenePlaces:
         """Some of the instants."""
-        return Places(self.times[rows], self.attitudes[rows], self.bodies.taken(rows))
+        return ScenePlaces(self.times[rows], self.attitudes[rows], self.bodies.taken(rows))
 
 
 class Placed(NamedTuple):
@@ -60,7 +60,7 @@ class SceneFrames:
         last = model.body_poses(*state)[model.dof]
         self._grip = last.inverse() @ model.end_effector_pose(*state)
 
-    def along(self, places: Places) -> Placed:
+    def along(self, places: ScenePlaces) -> Placed:
         """The bodies at some instants."""
         rotations, origins, _, centres, _ = places.bodies
         count, back = len(places.times), places.attitudes.transpose(0, 2, 1)
@@ -78,7 +78,7 @@ class SceneFrames:
                 placed.positions[:, number] = origins[:, -1] + last @ held.position
         return placed
 
-    def velocities(self, number: int, places: Places, points: Array) -> Array:
+    def velocities(self, number: int, places: ScenePlaces, points: Array) -> Array:
         """Velocities of points (K, 3) of a free body from the centre of mass [m/s]."""
         body, attitudes = self._bodies[number], places.attitudes
         if body.motion == "fixed" and not self._path.drifts:

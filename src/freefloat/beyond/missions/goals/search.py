@@ -8,9 +8,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from freefloat.beyond.missions.goals.certification import FINAL, Certification, CertifiedMotion
-from freefloat.beyond.missions.goals.effort import Effort
+from freefloat.beyond.missions.goals.effort import SolverBudget
 from freefloat.beyond.missions.goals.quadratic import Quadratic
-from freefloat.beyond.missions.goals.relaxation import Relaxation, Weights
+from freefloat.beyond.missions.goals.relaxation import Relaxation, TermWeights
 from freefloat.beyond.missions.goals.starts import random_path, starts
 from freefloat.concurrency import Progress
 from freefloat.limits.result import LimitResult, violated
@@ -18,9 +18,9 @@ from freefloat.motion.motion import Motion
 from freefloat.rotations import Rotation
 from freefloat.so3 import Array, rotation_vector_between
 
-_STAGES = ((Weights(1.0, 1.0), 6), (Weights(0.1, 100.0), 15), (FINAL, 20))
+_STAGES = ((TermWeights(1.0, 1.0), 6), (TermWeights(0.1, 100.0), 15), (FINAL, 20))
 """Weights and iterations: first a short path without deep violations, then one without any."""
-_SKETCH = (Weights(1.0, 1.0), 4)
+_SKETCH = (TermWeights(1.0, 1.0), 4)
 """Weights and iterations of a path that is shown while its goal is changed."""
 _RANDOM, _RANDOM_LOOPS = 6, 3
 """Random starts of a family without loops, and of one with loops, whose starts differ less."""
@@ -69,7 +69,7 @@ class GoalSearch:
     def nearest_ends(self, seed: int) -> list[Quadratic]:
         """Paths without limits of shape, those that end nearest to the goal first."""
         rng = np.random.default_rng(seed)
-        family = replace(self.families[0].coarse, shapes=(), effort=Effort())
+        family = replace(self.families[0].coarse, shapes=(), effort=SolverBudget())
         random = (random_path(family, rng) for _ in range(_RANDOM))
         weights, iterations = _STAGES[1]
         found = [family.relaxed(family.with_duration(path), weights, iterations) for path in random]
@@ -179,7 +179,7 @@ class GoalSearch:
         return None
 
     @property
-    def _effort(self) -> Effort:
+    def _effort(self) -> SolverBudget:
         return self.families[0].effort
 
     def _refined(

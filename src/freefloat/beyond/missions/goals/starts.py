@@ -8,7 +8,7 @@ from itertools import islice
 
 import numpy as np
 
-from freefloat.beyond.missions.goals.relaxation import Relaxation, Weights
+from freefloat.beyond.missions.goals.relaxation import Relaxation, TermWeights
 from freefloat.ik.branches import many_arm_branches
 from freefloat.ik.nearest import newton_solutions, toward
 from freefloat.so3 import Array
@@ -29,7 +29,7 @@ _SAMPLES, _DISTINCT = 1024, 0.3
 its arm branches violate a limit there, and least difference of those that it finds [rad, m]."""
 _ERROR, _TIME = 3.0, 0.05
 """Weights of the error at the end [1/rad, 1/m] and of the duration over that of half a turn."""
-_MEAN_SQUARE, _LOOK = Weights(1.0, 0.0), Weights(1.0, 1.0)
+_MEAN_SQUARE, _LOOK = TermWeights(1.0, 0.0), TermWeights(1.0, 1.0)
 _NEAR = 1e-2
 """Residual of the end with which random paths are compared [rad, m]."""
 _CLOSED_PER_START = 2

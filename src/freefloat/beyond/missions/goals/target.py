@@ -19,7 +19,7 @@ from freefloat.scene.scene_body import SceneBody
 from freefloat.so3 import UPRIGHT, Array, Pose, rotation_vector_between
 
 if TYPE_CHECKING:  # goals of scenarios are read without compiled kernels
-    from freefloat.beyond.missions.goals.joint_paths import Course, JointPaths
+    from freefloat.beyond.missions.goals.joint_paths import JointCourse, JointPaths
 
 _STEP = 1e-6
 """Step of the differences [rad, m, rad/s, m/s, s]."""
@@ -140,11 +140,11 @@ class Target:
 
         return lru_cache(maxsize=2)(goal)
 
-    def error(self, paths: JointPaths, course: Course) -> Array:
+    def error(self, paths: JointPaths, course: JointCourse) -> Array:
         """Residuals of the end of a course."""
         return self.residuals(_end(paths, course))
 
-    def linearized(self, paths: JointPaths, course: Course) -> tuple[Array, Array]:
+    def linearized(self, paths: JointPaths, course: JointCourse) -> tuple[Array, Array]:
         """Residuals of the end of a course, and their derivatives by the unknowns."""
         end = _end(paths, course)
         here = self.residuals(end)
@@ -218,7 +218,7 @@ def _spread(by_joints: Array, basis: Array) -> Array:
     return np.asarray(rows.reshape(len(by_joints), -1))
 
 
-def _end(paths: JointPaths, course: Course) -> EndState:
+def _end(paths: JointPaths, course: JointCourse) -> EndState:
     points = paths.control_points(course.unknowns)
     rates = 3.0 * paths.all_spans * (points[-1] - points[-2]) / course.duration
     return EndState(course.duration, course.attitudes[-1], points[-1], rates)

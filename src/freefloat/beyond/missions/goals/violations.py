@@ -9,7 +9,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from freefloat.beyond.missions.goals.joint_paths import Course, JointPaths
+from freefloat.beyond.missions.goals.joint_paths import JointCourse, JointPaths
 from freefloat.limits.kinds.base_turn import BaseTurnLimit
 from freefloat.limits.kinds.corridor import CorridorLimit
 from freefloat.limits.kinds.pointing import PointingLimits
@@ -18,7 +18,7 @@ from freefloat.limits.result import LimitResult
 from freefloat.motion.pointing import Keep, angle_of
 from freefloat.motion.problem import Problem
 from freefloat.rotations import Rotation
-from freefloat.scene.scene_body import Hand
+from freefloat.scene.scene_body import EndEffectorPoses
 from freefloat.so3 import Array, IntArray, angle_between
 
 _STEP = 1e-6
@@ -31,7 +31,7 @@ _SCALE = 0.02
 """Violation that counts as one [rad, m]."""
 
 
-class Violations(NamedTuple):
+class GoalViolations(NamedTuple):
     """Violations at M places of a course.
 
     Attributes:
@@ -48,7 +48,7 @@ class Violations(NamedTuple):
     by_turn: Array
     by_duration: Array
 
-    def jacobian(self, paths: JointPaths, course: Course) -> Array:
+    def jacobian(self, paths: JointPaths, course: JointCourse) -> Array:
         """Derivatives by the unknowns, shape (M, unknowns)."""
         basis, by_duration = paths.edge_basis[self.edges], self.by_duration
         rows = np.einsum("mk,mj->mkj", basis, self.by_joints)
@@ -61,7 +61,7 @@ class Violations(NamedTuple):
 class ShapeLimits(Protocol):
     """Limits that depend on places, not on rates."""
 
-    def violations(self, paths: JointPaths, course: Course) -> Violations:
+    def violations(self, paths: JointPaths, course: JointCourse) -> GoalViolations:
         """What a course violates."""
         ...
 
@@ -110,7 +110,7 @@ class StateLimits:
 
         def beyond_corridor(t: float, attitude: Array, joints: Array) -> float:
             pose = model.end_effector_pose(attitude, joints)
-            frame = problem.scene.corridor_pose(t, problem.path, Hand.on(pose))
+            frame = problem.scene.corridor_pose(t, problem.path, EndEffectorPoses.on(pose))
             corridor = problem.scene.corridor
             offset = frame.rotation.T @ (pose.position - frame.position)
             return -np.inf if corridor is None else corridor.deviation(offset) - corridor.allowed
@@ -123,7 +123,7 @@ class StateLimits:
         turns = [(BaseTurnLimit.name, beyond_turn)] * (self.limits.base_turn is not None)
         return (*((PointingLimits.name, cone) for cone in cones), *corridors, *turns)
 
-    def violations(self, paths: JointPaths, course: Course) -> Violations:
+    def violations(self, paths: JointPaths, course: JointCourse) -> GoalViolations:
         """See :class:`ShapeLimits`."""
         rows, n = [], paths.joint_count
         attitudes = Rotation.from_matrix(course.attitudes)
@@ -138,7 +138,7 @@ class StateLimits:
                 amount, *slopes = self._row(excess, *state, paths.times[edge])
                 rows.append((edge, amount + margin / _SCALE, *slopes))
         table = np.array(rows).reshape(-1, n + 6)
-        return Violations(
+        return GoalViolations(
             table[:, 0].astype(np.int64), table[:, 1], table[:, 2 : n + 2],
             table[:, n + 2 : n + 5], table[:, -1],
         )  # fmt: skip

@@ -114,9 +114,9 @@ def _to_start(
     if max(angle_between(present, state.attitude), np.abs(differences).max()) <= _SAME:
         return []
     from freefloat.beyond.missions.goals.arrival import arrive  # compiled kernels
-    from freefloat.beyond.missions.goals.query import Start
+    from freefloat.beyond.missions.goals.query import GoalStart
 
-    end = Start(state.attitude, state.joints, state.joint_rates)
+    end = GoalStart(state.attitude, state.joints, state.joint_rates)
     duration = None if limits.timed else problem.path.duration
     found = arrive(
         problem, (present, joints), end, limits.without_turn, duration=duration,

@@ -71,9 +71,9 @@ class GoalPhase(Phase):
     def run(self, state: SystemState, limits: Limits) -> GoalMotion:
         """The motion to the goal from a state."""
         from freefloat.beyond.missions.goals.mover import move_from  # compiled kernels
-        from freefloat.beyond.missions.goals.query import Query, Start
+        from freefloat.beyond.missions.goals.query import GoalStart, Query
 
-        start = Start(state.attitude, state.joints, state.joint_rates)
+        start = GoalStart(state.attitude, state.joints, state.joint_rates)
         goal = self.goal.seen_from(state.centre)
         problem, limits = self.problem_at(state), limits.without_turn
         return move_from(Query(problem, start, goal, limits), seed=self.seed)
