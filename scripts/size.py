@@ -1,8 +1,8 @@
 """Lines of Python by folder beside their goals, so that growth is a decision.
 
-``python scripts/size.py`` prints a table. A folder may have a tenth more lines than its goal. One
-that has more is recorded below with its lines and may only shrink: where it grows beyond its record,
-or another folder beyond a tenth above its goal, the exit code is 1.
+``python scripts/size.py`` prints a table. A folder may have a tenth more lines than its goal. A
+folder that has more is recorded below with its lines and may only shrink: where it grows beyond its
+record, or another folder beyond a tenth above its goal, the exit code is 1.
 """
 
 import sys
