@@ -100,7 +100,7 @@ def test_pictures_and_fixed_joints_lose_nothing(owner: str, content: str) -> Non
 
 def test_limits_that_are_not_used_are_listed() -> None:
     for old, new, keys in (
-        ('velocity="0.1"', 'velocity="0.1" acceleration="2" jerk="9"', ["acceleration", "jerk"]),
+        ('velocity="0.1"', 'velocity="0.1" deceleration="2" jerk="9"', ["deceleration"]),
         ('effort="100"', 'effort="0"', ["effort"]),
         ('type="revolute"', 'type="continuous"', ["lower", "upper"]),
     ):

@@ -60,3 +60,14 @@ def rates_along(motion: Motion) -> Callable[[IntArray, Array], Rates]:
     """The rates along a motion, by panels and their parameters."""
     law = motion.law
     return lambda panel, x: law.rates(*motion.at(panel, x), motion.timing_segment(panel))
+
+
+def accelerations_along(motion: Motion) -> Function:
+    """The joint accelerations along a motion, shape (K, n)."""
+    law = motion.law
+
+    def accelerations(panel: IntArray, x: Array) -> Array:
+        effort = law.effort(*motion.at(panel, x), motion.timing_segment(panel))
+        return np.asarray(effort.accelerations[:, 6:])
+
+    return accelerations

@@ -26,6 +26,9 @@ class Limits(AttitudeLimits):
     Attributes:
         joint_rate: Magnitudes [rad/s or m/s], shape (n,); infinite for joints without a limit.
         joint_torque: Magnitudes [N m or N], shape (n,); infinite for joints without a limit.
+        joint_acceleration: Magnitudes [rad/s² or m/s²], shape (n,); infinite for joints without a
+            limit.
+        joint_jerk: Magnitudes of the accelerations' derivatives [rad/s³ or m/s³], likewise.
         base_rate: Magnitude of the spacecraft's angular velocity [rad/s].
         clearance: Smallest distance [m] between bodies that no joint connects, and between the
             robot and bodies of the problem's scene. 0: no contact, also of visuals of links without
@@ -52,6 +55,8 @@ class Limits(AttitudeLimits):
 
     joint_rate: Array | None = None
     joint_torque: Array | None = None
+    joint_acceleration: Array | None = None
+    joint_jerk: Array | None = None
     base_rate: float | None = None
     clearance: float | Literal["off"] | None = None
 

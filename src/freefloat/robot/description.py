@@ -138,6 +138,8 @@ class Joint:
         upper: Upper end of the range [rad or m]; infinity where there is none.
         velocity: Rated speed [rad/s or m/s]; None where the URDF has none.
         effort: Rated torque or force [N m or N]; None where the URDF has none.
+        acceleration: Rated acceleration [rad/s² or m/s²]; None where the URDF has none.
+        jerk: Rated jerk [rad/s³ or m/s³]; None where the URDF has none.
         mimic: Name of the joint that it mimics, if any.
         lines: Line of the ``joint`` and of the elements in it, by tag.
     """
@@ -152,6 +154,8 @@ class Joint:
     upper: float
     velocity: float | None
     effort: float | None
+    acceleration: float | None
+    jerk: float | None
     mimic: str | None
     lines: Mapping[str, int] = field(repr=False)
     tag = "joint"

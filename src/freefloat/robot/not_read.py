@@ -37,9 +37,7 @@ _ABOVE = "a limit that freefloat does not use"
 _MEANINGS = {
     ("dynamics", "damping"): "viscous friction of the joint; joints have no friction",
     ("dynamics", "friction"): "Coulomb friction of the joint; joints have no friction",
-    ("limit", "acceleration"): _ABOVE,
     ("limit", "deceleration"): _ABOVE,
-    ("limit", "jerk"): _ABOVE,
     ("safety_controller", "soft_lower_limit"): _SOFT,
     ("safety_controller", "soft_upper_limit"): _SOFT,
     ("safety_controller", "k_position"): _GAIN,
@@ -71,7 +69,7 @@ _READ: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "parent": (("link",), ()),
     "child": (("link",), ()),
     "axis": (("xyz",), ()),
-    "limit": (("lower", "upper", "effort", "velocity"), ()),
+    "limit": (("lower", "upper", "effort", "velocity", "acceleration", "jerk"), ()),
     "box": (("size",), ()),
     "capsule": (("radius", "length"), ()),
     "cylinder": (("radius", "length"), ()),

@@ -42,6 +42,8 @@ class Body:
         upper: Upper end of the joint's range [rad or m]; infinity where there is none.
         rated_speed: Rated speed in the URDF [rad/s or m/s]; infinite where there is none.
         rated_effort: Rated torque or force in the URDF [N m or N]; infinite where there is none.
+        rated_acceleration: Rated acceleration in the URDF [rad/s² or m/s²], likewise.
+        rated_jerk: Rated jerk in the URDF [rad/s³ or m/s³], likewise.
         mass: Mass [kg].
         centre: Centre of mass in the joint's frame [m], shape (3,).
         inertia: Inertia about the centre of mass, axes of the joint's frame [kg m²], shape (3, 3).
@@ -56,6 +58,8 @@ class Body:
     upper: float
     rated_speed: float
     rated_effort: float
+    rated_acceleration: float
+    rated_jerk: float
     mass: float
     centre: Array
     inertia: Array = field(repr=False)
@@ -229,8 +233,12 @@ def body_of(model: Any, index: int, joint: Joint | None) -> Body:
     """The body of a joint of the Pinocchio model; the spacecraft's joint is None."""
     inertia = model.inertias[index]
     lower, upper = (-np.inf, np.inf) if joint is None else _range_of(joint)
-    rated = (None, None) if joint is None else (joint.velocity, joint.effort)
-    speed, effort = (value if value and 0.0 < value < UNLIMITED else np.inf for value in rated)
+    rated: tuple[float | None, ...] = (None,) * 4
+    if joint is not None:
+        rated = joint.velocity, joint.effort, joint.acceleration, joint.jerk
+    speed, effort, acceleration, jerk = (
+        value if value and 0.0 < value < UNLIMITED else np.inf for value in rated
+    )
     return Body(
         joint=model.names[index],
         parent=int(model.parents[index]) - 1,
@@ -241,6 +249,8 @@ def body_of(model: Any, index: int, joint: Joint | None) -> Body:
         upper=upper,
         rated_speed=speed,
         rated_effort=effort,
+        rated_acceleration=acceleration,
+        rated_jerk=jerk,
         mass=float(inertia.mass),
         centre=frozen(inertia.lever),
         inertia=frozen(inertia.inertia),

@@ -134,7 +134,7 @@ class _ElementDecoder(AttributeReader):
         endless = element.get("type") == "continuous"
         rated = {
             key: self.number(limit, key) if limit is not None and key in limit.attrib else None
-            for key in ("velocity", "effort")
+            for key in ("velocity", "effort", "acceleration", "jerk")
         }
         return Joint(
             name=element.get("name", ""),

@@ -8,6 +8,8 @@ from freefloat.limits.kinds.base_rate import BaseRateLimit
 from freefloat.limits.kinds.base_turn import BaseTurnLimit
 from freefloat.limits.kinds.clearance import ClearanceLimit
 from freefloat.limits.kinds.corridor import CorridorLimit
+from freefloat.limits.kinds.joint_acceleration import JointAccelerationLimit
+from freefloat.limits.kinds.joint_jerk import JointJerkLimit
 from freefloat.limits.kinds.joint_range import JointRangeLimit
 from freefloat.limits.kinds.joint_rate import JointRateLimit
 from freefloat.limits.kinds.joint_torque import JointTorqueLimit
@@ -22,6 +24,8 @@ KINDS: tuple[type[Limit[Any]], ...] = (
     BaseTurnLimit,
     PointingLimits,
     ClearanceLimit,
+    JointAccelerationLimit,
     JointTorqueLimit,
+    JointJerkLimit,
 )
 """All limits in the order in which they are checked: the cheapest first."""

@@ -1,0 +1,30 @@
+"""The limit of joint accelerations."""
+
+from __future__ import annotations
+
+from freefloat.limits.extremes import accelerations_along
+from freefloat.limits.joint_limit import MagnitudeLimit
+from freefloat.limits.result import LimitResult
+from freefloat.limits.values import PerJoint
+from freefloat.motion.extrema import at_nodes
+from freefloat.motion.motion import Motion
+
+
+class JointAccelerationLimit(MagnitudeLimit):
+    """Magnitudes of joint accelerations."""
+
+    name = "joint_acceleration"
+    unit = "rad/s²"
+    prismatic_unit = "m/s²"
+    exponent = 2
+    value = PerJoint("rated_acceleration")
+    description = (
+        "Magnitudes of joint accelerations [rad/s², m/s²]: a number for all joints, a map from "
+        "joint to number, or ``urdf``, of version 1.2."
+    )
+
+    def worst(self, motion: Motion) -> LimitResult:
+        """The joint whose acceleration is largest over its limit."""
+        accelerations = accelerations_along(motion)
+        nodes = at_nodes(motion, accelerations) if motion.panels else None
+        return self.largest(motion, accelerations, nodes)
