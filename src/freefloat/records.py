@@ -40,7 +40,7 @@ Joints = Annotated[Array, "rad or m"]
 Times = Annotated[Array, "s"]
 Angles = Annotated[Array, "rad"]
 
-_ROUNDING = 1e-9
+_DERIVED_ERROR = 1e-9
 """Deviation of a derived property from what is stored, over the larger of 1 and its magnitude."""
 _VALUES = {float: (float, int), int: (int,), bool: (bool,), str: (str,)}
 """Types of stored values, by hint."""
@@ -348,5 +348,5 @@ def _checked(entry: Any, kinds: Any, place: str) -> Any:
 def _require_same(entry: Any, values: npt.NDArray[Any], place: str) -> None:
     stated = _checked(entry, Quantity, place).values
     scale = max(1.0, float(np.abs(values).max(initial=0.0)))
-    if stated.shape != values.shape or not np.abs(stated - values).max() <= _ROUNDING * scale:
+    if stated.shape != values.shape or not np.abs(stated - values).max() <= _DERIVED_ERROR * scale:
         raise ValueError(f"its part {place} contradicts other parts")

@@ -15,7 +15,7 @@ from freefloat.errors import InputError
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import UPRIGHT, Array, frozen
 
-_SAMPLES, _REFINED = 4096, 8
+_JOINT_SAMPLES, _REFINED = 4096, 8
 """Samples of the joint space, and those from which each extremum is refined."""
 _MOST_STEPS, _DIFFERENCE, _FLATTEST = 60, 5e-6, 1e-5
 """Newton's method: largest number of steps, differences [rad or m] of derivatives, and smallest
@@ -51,7 +51,7 @@ class Extremes:
 
 
 def joint_space_extremes(
-    model: FreeFloatingModel, function: Function, samples: int = _SAMPLES,
+    model: FreeFloatingModel, function: Function, samples: int = _JOINT_SAMPLES,
     smooth: Sequence[Function] = (),
 ) -> Extremes:  # fmt: skip
     """The extremes of a function of the joints over the joint space, see :func:`joint_box`.
@@ -77,7 +77,7 @@ def joint_space_extremes(
 
 def largest_measure(model: FreeFloatingModel, measure: SingularityMeasure) -> float:
     """:attr:`Extremes.magnitude`, without the slow search for the minimum if none is negative."""
-    points, values = _sorted_samples(model, measure, _SAMPLES)
+    points, values = _sorted_samples(model, measure, _JOINT_SAMPLES)
     largest = abs(_extremum(model, measure, points[-_REFINED:], -1.0, measure.smooth)[0])
     if values[0] >= 0.0:
         return largest

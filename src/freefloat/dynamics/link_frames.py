@@ -14,7 +14,7 @@ from freefloat.so3 import Array
 
 _PARALLEL = 1e-9
 """Sine of the angle between axes below which they are parallel."""
-_ROUNDING = 1e-15
+_VANISHING_COSINE = 1e-15
 
 
 class LinkFrames(NamedTuple):
@@ -64,7 +64,7 @@ def link_frames(model: FreeFloatingModel) -> LinkFrames:
         twist, length, origin = next_twist, next_length, foot
     tool = frame[:3] @ (points[-1] + rotations[-1] @ model.tool.position - origin)
     joints = np.array(rows, dtype=float)
-    joints[:, :2][np.abs(joints[:, :2]) < _ROUNDING] = 0.0
+    joints[:, :2][np.abs(joints[:, :2]) < _VANISHING_COSINE] = 0.0
     across = model.tool.rotation[:, :2].T @ rotations[-1].T @ frame[:3].T
     return LinkFrames(base, joints, np.array(bodies), tool, across)
 

@@ -21,7 +21,7 @@ from freefloat.so3 import (
     heading_quaternion,
 )
 
-_SAME, _ROUNDED = 1e-9, 1e-5
+_SAME_DIRECTION, _ROUNDED_DIRECTION = 1e-9, 1e-5
 """Differences between directions that are rounding errors: of numbers, of angles in files."""
 
 
@@ -40,7 +40,7 @@ class Plane:
         """The plane with a normal, shape (3,), whose largest component is positive."""
         normal = normal * np.sign(normal[np.abs(normal).argmax()])
         k = int(normal.argmax())
-        if np.abs(normal - np.eye(3)[k]).max() < _SAME:
+        if np.abs(normal - np.eye(3)[k]).max() < _SAME_DIRECTION:
             return cls(frozen(np.roll(np.eye(3), 2 - k, axis=1)))
         return cls(frozen(axis_frame(normal)))
 
@@ -65,7 +65,7 @@ class Plane:
 
         Of normals that are no coordinate axis it is that of angles rounded in files, as 1.5708.
         """
-        return _SAME if self.is_exact else _ROUNDED
+        return _SAME_DIRECTION if self.is_exact else _ROUNDED_DIRECTION
 
     @property
     def letters(self) -> str:
@@ -144,7 +144,7 @@ def plane_of(model: FreeFloatingModel) -> Plane | None:
         q = model.configuration(UPRIGHT, 2.0 * np.pi * fraction)
         A_G = pin.computeCentroidalMap(model.pin_model, model.scratch, q)[3:]
         moments = np.column_stack([A_G[:, 3:6] @ plane.normal, A_G[:, 6:]])
-        if np.abs(plane.rows(moments)[:2]).max() > _SAME * np.abs(A_G[:, 3:]).max():
+        if np.abs(plane.rows(moments)[:2]).max() > _SAME_DIRECTION * np.abs(A_G[:, 3:]).max():
             return None
     return plane
 
@@ -156,7 +156,11 @@ def _common_normal(arms: list[VirtualManipulator]) -> Array | None:
     normal = np.eye(3)[2]
     if not prismatic.all():
         normal = axes[~prismatic][0]
-    elif (across := np.linalg.norm(np.cross(axes[0], axes), axis=1)).max() > _SAME:
+    elif (across := np.linalg.norm(np.cross(axes[0], axes), axis=1)).max() > _SAME_DIRECTION:
         normal = np.cross(axes[0], axes[across.argmax()]) / across.max()
     sines = np.linalg.norm(np.cross(axes, normal), axis=1)
-    return normal if np.where(prismatic, np.abs(axes @ normal), sines).max() < _SAME else None
+    return (
+        normal
+        if np.where(prismatic, np.abs(axes @ normal), sines).max() < _SAME_DIRECTION
+        else None
+    )

@@ -20,7 +20,7 @@ from freefloat.so3 import Array
 
 _TOLERANCE = 1e-10
 """A tenth of it is that of the steps."""
-_STEPS, _ERROR = 8, 1e-9
+_PANEL_STEPS, _ERROR = 8, 1e-9
 """Most steps of a panel; largest last coefficients and differences through other steps [rad, m]."""
 
 
@@ -65,7 +65,7 @@ def _compiled(problem: Problem, attitude: Array, joints: Array) -> Motion | None
 def _panels(rows: Array, n: int) -> Array:
     """Nodes but the first of the panels of a leg, time, attitude and joints, (8 P, 5 + n)."""
     last = len(rows) - 1
-    edges = np.linspace(0, last, -(-last // _STEPS) + 1).astype(np.int64)
+    edges = np.linspace(0, last, -(-last // _PANEL_STEPS) + 1).astype(np.int64)
     while True:
         starts, ends = rows[edges[:-1], :1], rows[edges[1:], :1]
         times = starts + (ends - starts) * (NODES + 1.0) / 2.0

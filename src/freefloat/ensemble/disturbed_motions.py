@@ -43,7 +43,7 @@ from freefloat.robot.joint_ranges import shifts_into_ranges
 from freefloat.so3 import Array, BoolArray, IntArray
 
 _TOLERANCES = {FINE: 1e-8, STRICT: 1e-10}
-_NEAR, _STILL_NEAR = 1e-4, 1e-5
+_UNDECIDED, _STILL_UNDECIDED = 1e-4, 1e-5
 """Differences of minimum and threshold, relative to the threshold, below which an ensemble and one
 at a finer tolerance do not decide; larger errors were seen in one of 6,000 planar motions."""
 _GRAZING_RATE = 1e5
@@ -176,7 +176,7 @@ def _decided(
     motions = EnsembleResult._make(values.copy() for values in first)
     nearly_singular = _PLANAR_RATIO if disturbed.problem.task.planar else _SINGULAR_RATIO
     again = (motions.endings != COMPLETED) | (motions.determinant_ratios < nearly_singular)
-    again |= _is_near(motions.minimum, required, _NEAR)
+    again |= _is_near(motions.minimum, required, _UNDECIDED)
     again |= unclear(motions, slice(None), NORMAL)
     deciders, chosen = np.full(len(joints), NORMAL, np.int8), np.flatnonzero(again)
     careful = disturbed.problem.task.planar or disturbed.problem.redundant
@@ -184,7 +184,7 @@ def _decided(
     for decider in (STRICT,) if careful else (FINE, STRICT):
         finer = integrated(chosen, _TOLERANCES[decider], progress=step)
         doubtful = (finer.endings != motions.endings[chosen]) | (finer.endings == FAILED)
-        doubtful |= _is_near(finer.minimum, required[chosen], _STILL_NEAR)
+        doubtful |= _is_near(finer.minimum, required[chosen], _STILL_UNDECIDED)
         if decider == FINE:
             doubtful |= _may_pass(disturbed.problem, finer) | unclear(finer, chosen, FINE)
         motions.assign(chosen, finer)

@@ -19,7 +19,7 @@ from freefloat.so3 import Array, BoolArray, IntArray
 
 _REQUESTED = 0.3
 """Distance of an arm branch from requested joints up to which other robots have it, too [rad]."""
-_STEPS = 12
+_NEWTON_STEPS = 12
 """Largest number of Newton's steps."""
 _FAR = 0.3
 """Distance from the start beyond which a configuration may be that of another branch [rad, m]."""
@@ -133,8 +133,8 @@ def _near_starts(
     position = pose.position if robots.offsets is None else pose.position + robots.offsets
     q, near = np.full(joints.shape, np.nan), np.zeros(len(joints), dtype=bool)
     q[every], residuals = Newton.of(problem.model, problem.task).solved(
-        (back @ position[..., None])[..., 0], back @ pose.rotation, every, joints[every], _STEPS,
-        robots=robots.properties(problem),
+        (back @ position[..., None])[..., 0], back @ pose.rotation, every, joints[every],
+        _NEWTON_STEPS, robots=robots.properties(problem),
     )  # fmt: skip
     far = np.abs(q[every] - joints[every]).max(axis=1, initial=0.0) > _FAR
     near[every] = (residuals < CONVERGED) & ~far

@@ -21,7 +21,7 @@ from freefloat.so3 import Array, axis_frame
 
 _POLISHING = 4
 """Steps of Newton's method."""
-_SAMPLES, _EXACT = 8, 1e-12
+_CONFIGURATIONS, _EXACT = 8, 1e-12
 """Number of configurations that tell whether the closed form is exact, and its largest error."""
 _NEARLY_SQUARE = 1e-6
 """Cosine below which axes count as perpendicular, also when written with rounded angles."""
@@ -142,10 +142,10 @@ def _is_exact(model: FreeFloatingModel) -> bool:
     virtual, (h4, h5, h6) = VirtualManipulator.of(model), Chain.of(model).axes.T[3:]
     if max(abs(h4 @ h5), abs(h5 @ h6)) > _NEARLY_SQUARE:
         return False
-    p, R, _, _ = virtual.kinematics(low_discrepancy(_SAMPLES, 6) + 0.1)
+    p, R, _, _ = virtual.kinematics(low_discrepancy(_CONFIGURATIONS, 6) + 0.1)
     q = _elbow_and_wrist(model, p.T, R.transpose(1, 2, 0)).reshape(6, -1).T
     reached = np.isfinite(q).all(axis=1)
-    pose = np.tile(np.arange(_SAMPLES), len(q) // _SAMPLES)[reached]
+    pose = np.tile(np.arange(_CONFIGURATIONS), len(q) // _CONFIGURATIONS)[reached]
     position, rotation, _, _ = virtual.kinematics(q[reached])
     error = max(np.abs(position - p[pose]).max(), np.abs(rotation - R[pose]).max())
     return bool(error < _EXACT * max(1.0, virtual.reach))

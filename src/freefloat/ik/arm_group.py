@@ -21,7 +21,7 @@ from freefloat.ik.newton import CONVERGED, Newton
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array, IntArray
 
-_SAMPLES = 256
+_CONFIGURATIONS = 256
 """Configurations over which the displacement of the centre of mass is averaged."""
 
 
@@ -55,7 +55,7 @@ class Arm:
     def mean_displacement(self) -> Array:
         """The mean over the joint space, shape (3, 1)."""
         lower, upper = joint_box(self.model)
-        q = lower + (upper - lower) * low_discrepancy(_SAMPLES, self.model.dof)
+        q = lower + (upper - lower) * low_discrepancy(_CONFIGURATIONS, self.model.dof)
         return np.asarray(self.displacement(q.T).mean(axis=1, keepdims=True))
 
 

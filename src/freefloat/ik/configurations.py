@@ -23,7 +23,7 @@ from freefloat.ik.vectors import wrapped
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array, BoolArray, IntArray
 
-_STEPS, _PATIENCE = 30, 3
+_NEWTON_STEPS, _PATIENCE = 30, 3
 """Largest number of Newton's steps from one of many starts, and of consecutive steps that hardly
 reduce the residual."""
 _PASSES = ((48, 20), (160, 48))
@@ -45,7 +45,9 @@ def isolated_configurations(
     newton, prismatic = Newton.of(model, task), model.prismatic[:, None, None]
 
     def solved(poses: IntArray, starts: Array) -> Array:
-        q = newton.solutions(positions[poses], rotations[poses], starts, _STEPS, patience=_PATIENCE)
+        q = newton.solutions(
+            positions[poses], rotations[poses], starts, _NEWTON_STEPS, patience=_PATIENCE
+        )
         return np.where(prismatic, q, wrapped(q))
 
     return all_from_starts(model, _STARTS, len(positions), most, solved)
@@ -109,7 +111,7 @@ def spread_configurations(
         for candidates, count in _PASSES:
             target = positions[pending], rotations[pending]
             starts = _starts(table, *target, candidates, count)
-            new = newton.solutions(*target, starts, _STEPS, patience=_PATIENCE)
+            new = newton.solutions(*target, starts, _NEWTON_STEPS, patience=_PATIENCE)
             together = np.concatenate([q.take(pending, axis=2), chain.into_range(new)], axis=1)
             q[..., pending] = usable(chain.prismatic, chain.joint_ranges, together, most)
             pending = pending[np.isnan(q[0, most - 1, pending]) & np.isfinite(q[0, 0, pending])]
@@ -159,7 +161,9 @@ def _move_inside(newton: Newton, positions: Array, rotations: Array, q: Array) -
         outside = (moved < chain.lower[:, None, None]) | (moved > chain.upper[:, None, None])
         starts = np.where(outside, np.clip(moved, lower + inset, upper - inset), moved)
         target = positions[pending], rotations[pending]
-        moved = chain.into_range(newton.solutions(*target, starts, _STEPS, patience=_PATIENCE))
+        moved = chain.into_range(
+            newton.solutions(*target, starts, _NEWTON_STEPS, patience=_PATIENCE)
+        )
         done = (_excess(chain.joint_ranges, moved) == 0.0).any(axis=0)
         q[..., pending[done]] = moved[..., done]
         pending, moved = pending[~done], moved[..., ~done]

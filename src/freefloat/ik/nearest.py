@@ -15,7 +15,7 @@ from freefloat.robot.joint_ranges import revolutions
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array, frozen
 
-_STEPS, _PATIENCE = 60, 6
+_NEWTON_STEPS, _PATIENCE = 60, 6
 """Largest number of Newton's steps, and of consecutive steps that hardly reduce the residual."""
 GIVEN, CLOSEST = "given", "closest"
 """Labels of configurations of redundant arms that joint values choose."""
@@ -92,7 +92,7 @@ def newton_solutions(
     every = np.arange(positions.shape[-2])
     starts = np.broadcast_to(joints, (len(every), model.dof))
     found, residuals = Newton.of(model, task).solved(
-        positions, rotations, every, starts, _STEPS, patience=_PATIENCE
+        positions, rotations, every, starts, _NEWTON_STEPS, patience=_PATIENCE
     )
     found[~(residuals <= CONVERGED)] = np.nan
     return _distances(model, found, joints)[0]

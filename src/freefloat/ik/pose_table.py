@@ -24,7 +24,7 @@ from freefloat.ik.vectors import cross, dot, product, times, wrapped
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array, axis_frame
 
-_SAMPLES = 32768
+_CONFIGURATIONS = 32768
 _PROBES = 512
 """Configurations whose distance from the samples tells how densely these cover what is reached."""
 _NEARBY, _CAUTION = 0.05, 2.0
@@ -79,7 +79,7 @@ class PoseTable:
         length = virtual.reach
         lower, upper = sampled_box(model) if inside else joint_box(model)
         probes = np.random.default_rng(0).random((_PROBES, model.dof))
-        points = np.concatenate([low_discrepancy(_SAMPLES, model.dof), probes])
+        points = np.concatenate([low_discrepancy(_CONFIGURATIONS, model.dof), probes])
         joints = (lower + (upper - lower) * points).T
         if chain.swings:
             joints[0] = 0.0
@@ -87,8 +87,8 @@ class PoseTable:
             joints[-1] = 0.0
         p, R, _, _ = virtual.kinematics(joints.T)
         features = _features(chain, task, length, p.T, R.transpose(1, 2, 0))
-        tree = scipy.spatial.cKDTree(features.values[:, :_SAMPLES].T)
-        distance, _ = tree.query(features.values[:, _SAMPLES:].T)
+        tree = scipy.spatial.cKDTree(features.values[:, :_CONFIGURATIONS].T)
+        distance, _ = tree.query(features.values[:, _CONFIGURATIONS:].T)
         spacing = max(_NEARBY, _CAUTION * float(distance.max()))
         return cls(chain, task, length, joints, features, tree, spacing)
 
@@ -109,7 +109,7 @@ class PoseTable:
         distance, index = self.tree.query(
             np.nan_to_num(wanted.values.T, nan=np.inf), k=count, distance_upper_bound=self.spacing
         )
-        index = np.minimum(index.T, _SAMPLES - 1)
+        index = np.minimum(index.T, _CONFIGURATIONS - 1)
         q: Array = self.joints.take(index, axis=1)
         if self.chain.swings:
             q[0] = wrapped(wanted.angle - self.features.angle[index])

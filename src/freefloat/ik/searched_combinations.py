@@ -16,7 +16,7 @@ from freefloat.so3 import Array, IntArray
 
 _STARTS = (1024, 4096)
 """Numbers of starts, the second where the first does not suffice."""
-_STEPS = 25
+_NEWTON_STEPS = 25
 """Largest number of Newton steps."""
 
 
@@ -26,7 +26,9 @@ def searched_combinations(group: ArmGroup, positions: Array, rotations: Array) -
 
     def solved(poses: IntArray, starts: Array) -> Array:
         pose = np.tile(poses, starts.shape[1])
-        q = group.solved(positions, rotations, pose, starts.reshape(len(starts), -1).T, _STEPS)
+        q = group.solved(
+            positions, rotations, pose, starts.reshape(len(starts), -1).T, _NEWTON_STEPS
+        )
         return q.T.reshape(starts.shape)
 
     if group.redundant:

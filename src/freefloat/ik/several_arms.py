@@ -22,7 +22,7 @@ from freefloat.ik.searched_combinations import searched_combinations
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array, BoolArray, IntArray
 
-_STEPS = 12
+_NEWTON_STEPS = 12
 """Largest number of Newton steps."""
 _SLICES = 64, 256, 1024
 """Poses that are solved at once: from many starts, in closed form, where one combination of each is
@@ -94,7 +94,7 @@ class _ClosedForms:
             digits = np.array(np.unravel_index(column, shape))
             parts = [part.joints[row, digit] for part, digit in zip(guess, digits, strict=True)]
             first = np.concatenate(parts, axis=1)
-            q = self.group.solved(self.positions, self.rotations, poses[row], first, _STEPS)
+            q = self.group.solved(self.positions, self.rotations, poses[row], first, _NEWTON_STEPS)
             (found,) = np.nonzero(np.isfinite(q).all(axis=1))
             q, pose = q[found], poses[row[found]]
             number = np.ravel_multi_index(self._digits(q, pose), shape)

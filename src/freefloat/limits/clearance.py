@@ -27,7 +27,7 @@ TOLERANCE = 1e-4
 """Bound of the error before the final refinement [m]."""
 _PARTS = 16
 """Parts of a panel in each of which speeds are bounded."""
-_ROUNDING = 1e-9
+_DISTANCE_ERROR = 1e-9
 """Rounding error of distances [m]."""
 _STARTS = 2
 """Initial intervals of a panel."""
@@ -101,7 +101,7 @@ def clearance(
             lambda u: _distances(motion, pairs, np.array([u]), only)[0],
             bounds=(start, end), method="bounded", options={"xatol": 1e-9},
         )  # fmt: skip
-        if refined.fun < smallest - _ROUNDING:
+        if refined.fun < smallest - _DISTANCE_ERROR:
             smallest, place = refined.fun, refined.x
     return Clearance(float(smallest), int(number), motion.time_at(place))
 

@@ -8,7 +8,7 @@ from freefloat.lockstep.tables import Table
 
 _DAMPING, _SMALLEST = 0.1, 1e-13
 """Damping relative to the square of the error, up to 1; the smallest one."""
-_ROUNDING = 2e-15
+_PIVOT_ERROR = 2e-15
 """Rounding error of a pivot relative to the trace: with less damping one could vanish."""
 
 
@@ -34,7 +34,7 @@ def damped_step(m: int, n: int, J: Table, b: Table, square: Float, A: Table, x: 
             A[i, k] = total
         trace += A[i, i]
     damping = minimum(square, 1.0 + 0.0 * square) * _DAMPING
-    damping += maximum(trace * _ROUNDING, _SMALLEST + 0.0 * square)
+    damping += maximum(trace * _PIVOT_ERROR, _SMALLEST + 0.0 * square)
     for k in range(m):
         pivot = A[k, k] + damping
         for j in range(k):

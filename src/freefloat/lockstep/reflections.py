@@ -10,7 +10,7 @@ from freefloat.lockstep.compilation import inlined, inner
 from freefloat.lockstep.lanes import Float, Mask, magnitude, maximum, select, sqrt
 from freefloat.lockstep.tables import Table
 
-_ROUNDING = 1e-13
+_SINGULAR = 1e-13
 
 
 @inlined
@@ -89,5 +89,5 @@ def is_singular(m: int, A: Table, scales: Table) -> Mask:
         size = magnitude(
             A[k, k] * scales[k]
         )  # one over R's diagonal element, zero where it is zero
-        regular = regular & (size > 0.0) & (size * _ROUNDING * largest < 1.0)
+        regular = regular & (size > 0.0) & (size * _SINGULAR * largest < 1.0)
     return ~regular

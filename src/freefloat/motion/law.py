@@ -17,7 +17,7 @@ from freefloat.motion.joint_spline import JointSpline
 from freefloat.motion.problem import Problem
 from freefloat.so3 import Array, IntArray, Pose, rotated_in_body
 
-_STEPS = np.array([1.0, 2.0, -1.0, -2.0])
+_DIFFERENCES = np.array([1.0, 2.0, -1.0, -2.0])
 _WEIGHTS = np.array([8.0, -1.0, -8.0, 1.0]) / 12.0
 """Weights of central differences of fourth order."""
 _EXCURSION = 4e-4
@@ -151,10 +151,10 @@ class PathLaw:
         still = _EXCURSION / self._problem.path.duration
         step = _EXCURSION / np.maximum(np.abs(rates).max(axis=-1, keepdims=True), still)
         end = 6 * len(self._problem.model.end_effector_links)
-        states = joints + np.multiply.outer(_STEPS, step * rates[..., 3:])
-        turns = np.multiply.outer(_STEPS, step * rates[..., :3]).reshape(-1, 3)
+        states = joints + np.multiply.outer(_DIFFERENCES, step * rates[..., 3:])
+        turns = np.multiply.outer(_DIFFERENCES, step * rates[..., :3]).reshape(-1, 3)
         attitudes = np.broadcast_to(attitude, (*states.shape[:-1], 4)).reshape(-1, 4)
-        later = prescribed + np.multiply.outer(_STEPS, step * change)
+        later = prescribed + np.multiply.outer(_DIFFERENCES, step * change)
         later = later.reshape(-1, later.shape[-1])
         _, solved = self._solver.rates(
             rotated_in_body(attitudes, turns), states.reshape(-1, states.shape[-1]),

@@ -27,7 +27,7 @@ from freefloat.so3 import Array, IntArray, frozen
 
 _LARGEST = 1e12
 """Largest number in a motion."""
-_ROUNDING = 1e-9
+_NORM_ERROR = 1e-9
 """Deviation of the norm of a quaternion from 1."""
 _BACKWARD = 1e-6
 """Largest step back in time over the duration, of motions that graze a singularity."""
@@ -110,7 +110,7 @@ class Motion:
             raise InputError("motion", "it has numbers that are not finite", accepted_numbers)
         norms = np.linalg.norm(attitudes, axis=1)
         k = int(np.abs(norms - 1.0).argmax())
-        if abs(norms[k] - 1.0) > _ROUNDING:
+        if abs(norms[k] - 1.0) > _NORM_ERROR:
             problem = f"node {k} has the norm {norms[k]:.12g}"
             raise InputError("motion.attitudes", problem, "unit quaternions")
         if ((attitudes[1:] * attitudes[:-1]).sum(axis=1) < 0.0).any():

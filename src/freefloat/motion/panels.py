@@ -22,7 +22,7 @@ _SLOPES_AT_NODES = frozen(chebyshev.chebvander(NODES, DEGREE - 1))
 """Maps Chebyshev coefficients of a derivative to its values at the nodes, shape (9, 8)."""
 _NEARLY_STILL = 1e-2
 """Fraction of a panel's largest pace of time below which there are no rates by time."""
-_STEPS, _LAST_STEP = 60, 1e-12
+_NEWTON_STEPS, _LAST_STEP = 60, 1e-12
 """Most steps of Newton's method, and the largest last one."""
 
 
@@ -59,7 +59,7 @@ def parameters_at(c: Array, values: Array) -> Array:
     """
     slopes = chebyshev.chebder(c, axis=1)
     low, high, x = np.full(len(c), -1.0), np.ones(len(c)), np.zeros(len(c))
-    for _ in range(_STEPS):
+    for _ in range(_NEWTON_STEPS):
         basis = chebyshev.chebvander(x, DEGREE)
         late = np.einsum("kd,kd->k", basis, c) - values
         low, high = np.where(late < 0.0, x, low), np.where(late < 0.0, high, x)

@@ -12,7 +12,7 @@ from freefloat.errors import InputError
 from freefloat.paths.timing import TimedPath
 from freefloat.so3 import Array
 
-_ROUNDING = 1e-12
+_VANISHING_COMPONENT = 1e-12
 """Components of momenta and velocities that are rounding, over their magnitude."""
 _LEVEL = 1e-6
 """Largest distance of a path from the plane of the end-effector [m]."""
@@ -38,7 +38,7 @@ def _worst(plane: Plane, vectors: Array, forbidden: slice) -> Array | None:
     """The vector with the largest of some components along the axes; None where all are zero."""
     rows = vectors.reshape(-1, 3)
     sizes = np.abs(plane.seen(rows)[:, forbidden]).max(axis=1, initial=0.0)
-    allowed = _ROUNDING if plane.is_exact else plane.tolerance
+    allowed = _VANISHING_COMPONENT if plane.is_exact else plane.tolerance
     sizes = np.maximum(sizes - allowed * np.linalg.norm(rows, axis=1), 0.0)
     return rows[sizes.argmax()] if sizes.any() else None
 

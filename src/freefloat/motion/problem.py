@@ -46,7 +46,7 @@ Prescription = Callable[[float], tuple[Any, ...]]
 """By time: twist, path speed, and joint values and rates of further arms that move."""
 _APART = 1e-6
 """Smallest distance of breaks, as a fraction of the duration."""
-_NEAR, _SAME = 0.05, 1e-6
+_NEAR_BRANCH, _SAME_JOINTS = 0.05, 1e-6
 """Largest differences of joint values from those of a near branch, and of the same [rad, m]."""
 
 
@@ -344,7 +344,7 @@ class Problem:
         return next((branch.joints for branch in self.branches(attitude)), None)
 
     def nearest(
-        self, joints: Array, branches: Sequence[ArmBranch], within: float = _NEAR
+        self, joints: Array, branches: Sequence[ArmBranch], within: float = _NEAR_BRANCH
     ) -> ArmBranch | None:
         """The branch nearest to joint values (n,), None if all are farther away [rad, m]."""
         distances = [float(self.model.joint_distance(b.joints, joints)) for b in branches]
@@ -371,13 +371,13 @@ class Problem:
             poses = self.poses_seen_from(np.asarray(attitude)[None])
             given = newton_configuration(self.model_at(), *poses, self.task, values)
             if given is not None and self.nearest(values, [given]):
-                near = self.nearest(given.joints, branches, _SAME) or given
+                near = self.nearest(given.joints, branches, _SAME_JOINTS) or given
         if near is not None:
             return near
         raise InputError(
             "joints",
             f"{values.tolist()} is near no arm branch at this attitude",
-            f"within {_NEAR} rad each of: "
+            f"within {_NEAR_BRANCH} rad each of: "
             + "; ".join(f"{b.index} {np.round(b.joints, 4).tolist()}" for b in branches),
         )
 

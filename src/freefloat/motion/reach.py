@@ -7,7 +7,7 @@ import scipy
 
 from freefloat.motion.problem import Problem
 
-_SAMPLES = 401
+_PATH_POINTS = 401
 
 
 def out_of_reach(problem: Problem) -> float | None:
@@ -24,7 +24,7 @@ def out_of_reach(problem: Problem) -> float | None:
         t = problem.path.timing.time_at(s) if problem.arms else 0.0
         return float(np.linalg.norm(problem.path.pose_at(s).position)) - problem.reach(t)
 
-    samples = np.linspace(0.0, 1.0, _SAMPLES).tolist()
+    samples = np.linspace(0.0, 1.0, _PATH_POINTS).tolist()
     outside = next((k for k, s in enumerate(samples) if excess(s) > 0.0), None)
     if not outside:
         return outside

@@ -19,7 +19,7 @@ _BEYOND = 1e-3
 """Fraction of its reach that an arm at the boundary of its reach can move beyond, at most. Arms on
 heavy spacecraft (ETS-VII, a UR5 on 200 kg, a Panda on 150 and 300 kg) end at 3e-6 to 7e-4; Example
 2 becomes singular at 1e-2."""
-_NEAR = 0.02
+_KINEMATIC_DISTANCE = 0.02
 """Distance of the joints from a kinematic singularity [rad; prismatic: fraction of the reach]."""
 _FOLD = 0.1
 """Smallest derivative of the singular value along its null vector at a fold, as a fraction of its
@@ -113,4 +113,8 @@ def singularity_kind(model: FreeFloatingModel, task: Task, joints: Array) -> Sin
     if one_sided and curvature > _FOLD * slope:
         beyond = value**2 / (2.0 * curvature)
         return SingularityKind.BOUNDARY if beyond < _BEYOND else SingularityKind.DYNAMIC
-    return SingularityKind.KINEMATIC if value <= _NEAR * slope else SingularityKind.DYNAMIC
+    return (
+        SingularityKind.KINEMATIC
+        if value <= _KINEMATIC_DISTANCE * slope
+        else SingularityKind.DYNAMIC
+    )

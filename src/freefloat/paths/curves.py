@@ -24,7 +24,7 @@ from freefloat.so3 import Array, Pose, cross, frozen, unit_vector
 
 _NEGLIGIBLE = 1e-8
 """Displacement by jumps of derivatives, as a fraction of a spline's size, that is ignored."""
-_ROUNDING = 1e-12
+_OVERLAP = 1e-12
 """Overlap in s below which a segment is ignored."""
 
 
@@ -240,8 +240,8 @@ def segments_within(
     """The segments of a spline that hold somewhere between low and high, but for rounding."""
     knots = spline.x
     last = len(knots) - 2
-    first = min(max(int(np.searchsorted(knots, low + _ROUNDING, side="right")) - 1, 0), last)
-    final = min(max(int(np.searchsorted(knots, high - _ROUNDING)) - 1, first), last)
+    first = min(max(int(np.searchsorted(knots, low + _OVERLAP, side="right")) - 1, 0), last)
+    final = min(max(int(np.searchsorted(knots, high - _OVERLAP)) - 1, first), last)
     return scipy.interpolate.PPoly(spline.c[:, first : final + 1], knots[first : final + 2])
 
 

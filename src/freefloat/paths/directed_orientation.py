@@ -16,7 +16,7 @@ from freefloat.paths.curves import Curve
 from freefloat.paths.orientation import OrientationLaw
 from freefloat.so3 import Array, cross, frozen, unit_vector
 
-_SAMPLES = np.linspace(0.0, 1.0, 201)
+_CHECKED_AT = np.linspace(0.0, 1.0, 201)
 """Values of s at which a moving direction is checked."""
 _REFINED = 5  # minima between samples
 _GAP = 1e-6
@@ -83,7 +83,7 @@ class DirectedOrientation(OrientationLaw):
             accepted = "x, y, z, -x, -y or -z"
             raise InputError("axis", f"{axis!r} was given", accepted)
         point = finite_vector("target", target, 3)
-        sights = point - curve(_SAMPLES)
+        sights = point - curve(_CHECKED_AT)
         sights /= np.maximum(np.linalg.norm(sights, axis=1, keepdims=True), 1e-12)
         reference = np.eye(3)[np.argmin(np.abs(sights).max(axis=0))]
         second = "yzx"["xyz".index(axis[-1])]
@@ -143,7 +143,7 @@ class DirectedOrientation(OrientationLaw):
             across = cross(self._direction(s)[0], self.reference)
             return np.asarray(np.linalg.norm(across, axis=-1) / length(s))
 
-        gap = _GAP * length(_SAMPLES).max()
+        gap = _GAP * length(_CHECKED_AT).max()
         for function, threshold, problem in ((length, gap, undefined), (sine, _GAP, parallel)):
             value, s = _smallest(function)
             if value <= threshold:
@@ -152,11 +152,11 @@ class DirectedOrientation(OrientationLaw):
 
 def _smallest(function: Callable[[float | Array], Array]) -> tuple[float, float]:
     """The smallest value of a function on [0, 1], and where: the lowest samples, refined."""
-    values = function(_SAMPLES)
-    best = [(float(values.min()), float(_SAMPLES[np.argmin(values)]))]
+    values = function(_CHECKED_AT)
+    best = [(float(values.min()), float(_CHECKED_AT[np.argmin(values)]))]
     minima = np.flatnonzero((values[1:-1] <= values[:-2]) & (values[1:-1] <= values[2:])) + 1
     for i in minima[np.argsort(values[minima])][:_REFINED]:
-        bounds = _SAMPLES[[i - 1, i + 1]]
+        bounds = _CHECKED_AT[[i - 1, i + 1]]
         refined = scipy.optimize.minimize_scalar(function, bounds=bounds, options={"xatol": 1e-12})
         best.append((float(refined.fun), float(refined.x)))
     return min(best)

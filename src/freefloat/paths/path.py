@@ -13,7 +13,7 @@ from freefloat.paths.curves import Curve
 from freefloat.paths.orientation import FreeOrientation, OrientationLaw
 from freefloat.so3 import Array, Pose, frozen, rotation_vector_between
 
-_SAMPLES = np.linspace(0.0, 1.0, 101)
+_CHECKED_AT = np.linspace(0.0, 1.0, 101)
 """Values of s at which a path is checked."""
 _CHECKED, _DEVIATION, _SMALL = (0.217, 0.533, 0.871), 0.01, 1e-6
 """Values of s at which derivatives are compared with differences, the largest relative deviation,
@@ -78,12 +78,12 @@ class EndEffectorPath:
 
     @cached_property
     def _positions(self) -> Array:
-        return self.curve(_SAMPLES)
+        return self.curve(_CHECKED_AT)
 
     @property
     def moves(self) -> bool:
         """Whether the end-effector moves or rotates."""
-        rates = self.orientation.rate(_SAMPLES[::10])
+        rates = self.orientation.rate(_CHECKED_AT[::10])
         return bool(np.ptp(self._positions, axis=0).any() or rates.any())
 
     def pose(self, s: float | Array) -> Pose:

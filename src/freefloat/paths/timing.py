@@ -28,7 +28,7 @@ _APART = 1e-6
 _STOPS = "a list of stops, such as [Stop(s=0.5, t=40)], t in seconds"
 _CLOSEST = 1e-9
 """Smallest distance of stops in s and in t over the duration."""
-_ROUNDING = 1e-13
+_TIME_ERROR = 1e-13
 """Rounding error of times at the ends of a motion, relative to its duration."""
 _ORDERS = 0, 1, 2
 """Orders of derivatives by time."""
@@ -156,7 +156,7 @@ class Timing:
         if segment is None:
             inside = np.minimum(np.maximum(t, 0.0), self.duration)
             if order:
-                moving = 1.0 * (np.abs(inside - t) <= _ROUNDING * self.duration)
+                moving = 1.0 * (np.abs(inside - t) <= _TIME_ERROR * self.duration)
             t, segment = inside, self.segment_at(inside)
         _, origins, spans, orders = self._polynomials
         tau = (t - origins[segment]) / spans[segment]

@@ -21,7 +21,7 @@ _HEADINGS = 2880
 """Headings between which the arm branch closest to the present joints changes once at most."""
 _EXACT = 1e-10
 """Accuracy of the headings at which it changes [rad]."""
-_ROUNDING = 1e-9
+_ANGLE_ERROR = 1e-9
 """Rounding error of angles [rad]."""
 
 
@@ -49,7 +49,7 @@ class SearchDomain:
 
     def contains(self, attitudes: npt.ArrayLike) -> npt.NDArray[np.bool_]:
         """Which attitudes (..., 4) belong to it, shape (...)."""
-        return np.asarray(angle_between(attitudes, self.centre) <= self.radius + _ROUNDING)
+        return np.asarray(angle_between(attitudes, self.centre) <= self.radius + _ANGLE_ERROR)
 
     def attitudes(self, count: int, seed: int = 0) -> Array:
         """Evenly distributed attitudes, shape (count, 4)."""

@@ -19,7 +19,7 @@ from freefloat.motion.singularity import singular_event
 from freefloat.planning.reasons import Verdict, verdict_on
 from freefloat.so3 import Array, frozen
 
-_NEAR = 1e-6
+_SAME_BRANCH = 1e-6
 """Distance of joints from those of their arm branch [rad, m]."""
 
 
@@ -122,6 +122,6 @@ def branch_at(problem: Problem, attitude: Array, joints: Array) -> ArmBranch:
     index, label = MAX_BRANCHES, "given"
     if not problem.redundant:
         for branch in problem.branches(attitude):
-            if problem.model.joint_distance(branch.joints, joints) < _NEAR:
+            if problem.model.joint_distance(branch.joints, joints) < _SAME_BRANCH:
                 index, label = branch.index, branch.label
     return ArmBranch(index, label, frozen(joints))

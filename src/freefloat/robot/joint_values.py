@@ -14,7 +14,7 @@ from freefloat.so3 import UPRIGHT, Array, frozen, unit_quaternion
 _ORIGIN = np.zeros(3)
 INERTIAL = frozen(np.append(_ORIGIN, UPRIGHT))
 """Coordinates in Pinocchio of a spacecraft whose frame is the inertial one."""
-_ROUNDING = 1e-9
+_NORM_ERROR = 1e-9
 """Deviation of the square of a unit quaternion's norm from one."""
 
 
@@ -67,7 +67,7 @@ def configuration_vector(attitude: npt.ArrayLike, joints: npt.ArrayLike, count: 
         q: Array = np.concatenate((_ORIGIN, attitude, joints))
         quaternion = q[3:7]
         valid = q.dtype == _ORIGIN.dtype and len(q) == 7 + count
-        if valid and abs(quaternion.dot(quaternion) - 1.0) < _ROUNDING and isfinite(q.dot(q)):
+        if valid and abs(quaternion.dot(quaternion) - 1.0) < _NORM_ERROR and isfinite(q.dot(q)):
             return q
     except (TypeError, ValueError):
         pass

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 _LIGHTEST = "1e-9"
 """Mass and inertia of bodies without mass, which MuJoCo refuses [kg, kg m²]."""
-_ROUNDING = 1e-6
+_MOMENT_EXCESS = 1e-6
 """Relative excess of a moment of inertia that is taken for rounding."""
 _STEP = "0.001"
 """Time step [s]."""
@@ -69,7 +69,7 @@ def why_refused(model: FreeFloatingModel) -> str | None:
             return f"{name} is a name of the simulation itself"
     for name, body in zip(model.body_names, model.bodies, strict=True):
         moments = np.linalg.eigvalsh(body.inertia)
-        if moments[2] > (1.0 + _ROUNDING) * (moments[0] + moments[1]):
+        if moments[2] > (1.0 + _MOMENT_EXCESS) * (moments[0] + moments[1]):
             return f"the inertia of {name} violates the triangle inequality"
     return None
 

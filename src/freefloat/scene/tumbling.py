@@ -21,7 +21,7 @@ from freefloat.so3 import Array, frozen, zeros
 _TOLERANCE = 1e-13
 """Relative tolerance: the attitude is exact to 1e-11 over ten revolutions."""
 _ABSOLUTE = 1e-15
-_ROUNDING = 1e-12
+_TIME_ERROR = 1e-12
 """Rounding error of times, relative to the largest, that may have the other sign."""
 _DEGREE = 7
 """Degree of the polynomials by which DOP853 interpolates."""
@@ -117,7 +117,7 @@ class Tumbling:
         Shape (7,), or (7, K).
         """
         last = float(np.ravel(t)[np.abs(t).argmax()])
-        if not np.min(t * np.sign(last)) >= -_ROUNDING * abs(last):  # nan is no time
+        if not np.min(t * np.sign(last)) >= -_TIME_ERROR * abs(last):  # nan is no time
             raise InputError("t", f"{t} was given", "a finite time, or times of one sign")
         turns = self.revolutions(last)
         if turns > MOST_REVOLUTIONS:

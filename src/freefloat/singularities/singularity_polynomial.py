@@ -27,7 +27,7 @@ _HIGHEST = 16
 """Highest degree in a joint that is looked for."""
 _PROBES, _CHECKS = 4, 256
 """Configurations at which degrees are determined, and those at which the result is checked."""
-_ROUNDING = 1e-13
+_VANISHING_COEFFICIENT = 1e-13
 """Magnitude of coefficients that are rounding, relative to the largest value."""
 _LARGEST_RESIDUAL, _VANISHING = 1e-9, 1e-11
 """Largest residual, and the largest value over Hadamard's bound that is rounding."""
@@ -154,7 +154,9 @@ def fitted(
     bases = []
     for joint, kind in enumerate(kinds):
         highest = JointBasis(_HIGHEST, *kind)
-        degree = _degree(evaluated, highest, joint, checks[:_PROBES], _ROUNDING * scale)
+        degree = _degree(
+            evaluated, highest, joint, checks[:_PROBES], _VANISHING_COEFFICIENT * scale
+        )
         bases.append(JointBasis(degree, *kind))
     count = int(np.prod([float(basis.size) for basis in bases]))
     if count > MOST_COEFFICIENTS:

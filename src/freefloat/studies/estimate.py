@@ -22,7 +22,7 @@ from freefloat.studies.study import Command, Study
 
 _TRACKED = 16
 """Closed loops that are timed."""
-_SAMPLES, _ENOUGH = 5, 2.0
+_TIMED_RUNS, _ENOUGH = 5, 2.0
 """Largest number of runs that are timed one by one, and a time after which these are enough [s]."""
 
 
@@ -224,7 +224,7 @@ def _time_runs(sent: PortableStudy, numbers: IntArray, save: bool) -> _Timed:
 
     if not len(numbers):
         return _Timed()
-    places = np.linspace(0, len(numbers) - 1, min(_SAMPLES, len(numbers))).astype(int)
+    places = np.linspace(0, len(numbers) - 1, min(_TIMED_RUNS, len(numbers))).astype(int)
     runs, times = list[RunResult](), list[float]()
     for number in numbers[places].tolist():
         begin = time.perf_counter()

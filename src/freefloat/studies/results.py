@@ -24,7 +24,7 @@ PERCENTILES = 5, 25, 50, 75, 95
 """Percentages of runs at most at the percentiles."""
 _NOT_SUMMED = "attitude.", "final_attitude.", "seconds"
 """Beginnings of the names of columns without percentiles."""
-_ROUNDING = 1e-9
+_SAME_NUMBER = 1e-9
 """Relative differences of numbers that are the same."""
 
 
@@ -133,7 +133,7 @@ class StudyResult:
             if kind != REAL or name in self.rows.parameters or name.startswith(_NOT_SUMMED):
                 continue
             values = self.rows.column(name, f"WHERE {quoted(name)} IS NOT NULL")
-            if len(values) and np.ptp(values) > _ROUNDING * np.abs(values).max():
+            if len(values) and np.ptp(values) > _SAME_NUMBER * np.abs(values).max():
                 found = np.percentile(values, PERCENTILES).tolist()
                 percentiles[name] = dict(zip(map(str, PERCENTILES), found, strict=True))
         return percentiles

@@ -30,7 +30,7 @@ _ON_PATH = 1e-7
 the spacecraft."""
 _MOMENTUM = 1e-6
 """Error of the momentum as a fraction of that of the arm."""
-_ROUNDING = 1e-12
+_MOMENTUM_ERROR = 1e-12
 """Error of the momentum as a fraction of that of the system when it rotates by one radian in the
 duration: the arm's momentum is near zero where it hardly moves."""
 _ENDS = 1e-9
@@ -212,7 +212,7 @@ def end_checks(motion: Motion) -> Iterator[Check]:
 def _rounding(motion: Motion) -> float:
     """Error of the momentum that is rounding [N m s]."""
     inertia = float(np.trace(inertia_matrices(motion.problem.model, motion.initial.joints)[0]))
-    return _ROUNDING * inertia / motion.problem.path.duration
+    return _MOMENTUM_ERROR * inertia / motion.problem.path.duration
 
 
 def _second_checks(second: SecondIntegration) -> list[Check]:

@@ -51,7 +51,7 @@ _SEARCHED = _Rule(factor=1.5)
 _STATE = _Rule(1e-4, 1e-6, slack=1e-3)
 _END = _STATE._replace(slack=1e-2)
 """Where a motion ends singular, its state changes with the root of the time that is left."""
-_STEPS = _Rule(1e-3, 1e-6, factor=2.0, slack=1e-3)
+_STEP_COUNTS = _Rule(1e-3, 1e-6, factor=2.0, slack=1e-3)
 _RULES = {
     # errors are rounding: their order of magnitude is compared
     "end_effector_position.value": _ERROR,
@@ -102,9 +102,9 @@ _RULES = {
     "motions.lower": _END,
     "motions.upper": _END,
     "motions.slacks": _STATE,
-    "motions.rates": _STEPS._replace(unbounded=True),
-    "motions.base_rate": _STEPS._replace(unbounded=True),
-    "motions.determinant_ratios": _STEPS,
+    "motions.rates": _STEP_COUNTS._replace(unbounded=True),
+    "motions.base_rate": _STEP_COUNTS._replace(unbounded=True),
+    "motions.determinant_ratios": _STEP_COUNTS,
     "motions.evaluations": _SEARCHED._replace(unbounded=True),
 }  # fmt: skip
 """Rules by the last two parts of a name, without numbers, or the last one alone."""

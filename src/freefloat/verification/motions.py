@@ -28,13 +28,13 @@ from freefloat.records import Known, Origin
 from freefloat.so3 import angle_between
 from freefloat.verification.comparisons import Check
 
-_SAME = 1e-8
+_SAME_VALUE = 1e-8
 """Relative difference of a value at a stated instant from the stated extreme value."""
 _EXTREME = 1e-4
 """Relative difference of extreme values, which are found by search."""
 _WINDOW = 1e-7
 """Half the width of the motion about an instant, in panels."""
-_NEAR = 1e-9
+_SAME_JOINTS = 1e-9
 """Distance of joints from those of their arm branch [rad or m]."""
 
 MOTION = Known(Motion, dict.fromkeys(
@@ -61,7 +61,7 @@ def _known_start(simulated: SimulatedBranch) -> Known | ArmBranch:
         return branch_at(problem, start.attitude, joints)
     chosen_by_joints = simulated.branch.label in (GIVEN, CLOSEST)
     for branch in () if chosen_by_joints else problem.branches(start.attitude):
-        if problem.model.joint_distance(branch.joints, joints) < _NEAR:
+        if problem.model.joint_distance(branch.joints, joints) < _SAME_JOINTS:
             return replace(branch, joints=joints)
     return Known(ArmBranch, {"joints": joints})
 
@@ -105,7 +105,7 @@ def _measured(motion: Motion, measure: SingularityMeasure, time: float) -> float
 
 
 def _is_same(value: float, extreme: float) -> bool:
-    return bool(extreme and np.isclose(value, extreme, rtol=_SAME, atol=0.0))
+    return bool(extreme and np.isclose(value, extreme, rtol=_SAME_VALUE, atol=0.0))
 
 
 def same_results(

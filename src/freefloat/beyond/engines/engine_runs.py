@@ -17,7 +17,7 @@ from freefloat.verification.engine import EngineRuns
 
 _WRENCH = 1e-4
 """Allowed wrench on the base as a fraction of the largest torque."""
-_ROUNDING = 1e-9
+_ADDED_WRENCH = 1e-9
 """Wrench added to what is allowed, as a fraction of I / T² (I: trace of the system's inertia, T:
 duration): rounding, for arms that hardly move."""
 _MOMENTUM = 1e-6
@@ -58,7 +58,7 @@ def _inverse_checks(motion: Motion, inverse: InverseRun) -> Iterator[Check]:
     duration = problem.path.duration
     inertia = float(np.trace(inertia_matrices(problem.model, motion.initial.joints)[0]))
     momentum = _MOMENTUM * (float(np.linalg.norm(problem.momentum)) + inertia / duration)
-    wrench = _WRENCH * inverse.torque + _ROUNDING * inertia / duration**2
+    wrench = _WRENCH * inverse.torque + _ADDED_WRENCH * inertia / duration**2
     place = path_tolerances(motion)[0]
     yield error_check("mujoco: end-effector position", inverse.end_effector, place, "m", None)
     yield error_check("mujoco: angular momentum", inverse.momentum, momentum, "N m s", None)

@@ -16,7 +16,7 @@ STIFFNESS = 0.2
 """Natural frequency of the servos times the time step."""
 _BEFORE_SINGULAR = 0.9
 """Fraction of a motion that is used if its end is singular."""
-_STEPS = 4000
+_FEWEST_STEPS = 4000
 """Smallest number of steps."""
 _STEPS_PER_RADIAN = 150
 """Steps per radian or metre of motion."""
@@ -82,7 +82,7 @@ class Reference:
             _STEPS_PER_RADIAN * displacements(motion).sum(),
             _STEPS_PER_SEGMENT * len(motion.problem.breaks),
         )
-        steps = steps or int(np.clip(required_steps, _STEPS, _MAX_STEPS))
+        steps = steps or int(np.clip(required_steps, _FEWEST_STEPS, _MAX_STEPS))
         nodes = np.linspace(first, last, round(_SPLINE * steps) + 1)
         _, _, rows = motion.evaluate(motion.coordinates_at(nodes))
         return cls(first, last, steps, scipy.interpolate.CubicSpline(nodes, rows))

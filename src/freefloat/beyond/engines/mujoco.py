@@ -20,7 +20,7 @@ from freefloat.motion.motion import Motion, State
 from freefloat.so3 import Array
 
 _INSTANTS = 61
-_SAMPLES = 15
+_SAMPLES_AROUND = 15
 """Samples around an instant."""
 _DEGREE = 6
 """Degree of the polynomials fitted to them."""
@@ -108,7 +108,7 @@ def _differentiated(motion: Motion, t: float, window: float) -> tuple[Array, Arr
 
     The position is that of the spacecraft in the frame of the path.
     """
-    places = chebyshev.chebpts1(_SAMPLES)
+    places = chebyshev.chebpts1(_SAMPLES_AROUND)
     states = motion.sample(t + window * places)
     drift = motion.problem.path.drift
     rows = np.array([

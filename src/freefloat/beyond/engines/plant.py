@@ -17,7 +17,7 @@ from freefloat.errors import IntegrationError
 from freefloat.rotations import Rotation
 from freefloat.so3 import Array
 
-_STEPS = 16
+_STEPS_IN_PERIOD = 16
 """Steps of the equation of motion in a period."""
 _PREDICTION_STEPS = 4
 """Steps that predict where MuJoCo evaluates the dynamics."""
@@ -121,8 +121,8 @@ class Plants:
                 _PREDICTION_STEPS, self._middle, self._end)  # fmt: skip
         self._evaluate(self._middle, first, second)
         self._evaluate(self._end, second, third)
-        advance(self._states, servos, self._friction, self._dynamics, period, _STEPS, self._middle,
-                self._end)  # fmt: skip
+        advance(self._states, servos, self._friction, self._dynamics, period, _STEPS_IN_PERIOD,
+                self._middle, self._end)  # fmt: skip
         self._references += period * rates
         self._states, self._end = self._end, self._states
         self._evaluate(self._states, third, first)

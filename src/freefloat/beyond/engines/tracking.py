@@ -40,7 +40,7 @@ _LARGEST_STEP = 0.5
 """Largest product of gain and period; the loop becomes unstable at 2."""
 _MAX_PERIODS = 1_000_000
 """Largest number of periods."""
-_TOGETHER, _SAMPLES = 256, 2_000_000
+_TOGETHER, _PERIODS_TOGETHER = 256, 2_000_000
 """Largest number of runs, and of their periods, that are simulated together."""
 
 
@@ -228,7 +228,7 @@ def track_many(
         finite_number("gain", value, f"a number from 0 to {highest:.6g} 1/s", 0.0, highest)
     columns["seed"] = [seed_number("seed", value) for value in columns["seed"]]
     count = len(columns["seed"])
-    size = max(1, min(_TOGETHER, _SAMPLES // len(times), ceil(count / threads)))
+    size = max(1, min(_TOGETHER, _PERIODS_TOGETHER // len(times), ceil(count / threads)))
     trackings: dict[int, list[Tracking]] = {}
 
     def simulate(first: int) -> None:

@@ -16,7 +16,7 @@ from freefloat.singularities.joint_polynomial import JointPolynomial
 from freefloat.so3 import Array
 from freefloat.visualization.figure_style import digits
 
-_SAMPLES = 4096
+_JOINT_SAMPLES = 4096
 _STEP = np.radians(5.0)
 """Revolute joints of the reference configuration are multiples of this [rad]."""
 
@@ -138,9 +138,9 @@ def reference_configuration(found: SingularityMap) -> Array:
     """
     bases = found.polynomial.bases
     lower, upper = (np.array([getattr(b, end) for b in bases]) for end in ("lower", "upper"))
-    q = np.tile((lower + upper) / 2.0, (_SAMPLES, 1))
+    q = np.tile((lower + upper) / 2.0, (_JOINT_SAMPLES, 1))
     joints = found.joints
-    samples = low_discrepancy(_SAMPLES, len(joints))
+    samples = low_discrepancy(_JOINT_SAMPLES, len(joints))
     q[:, joints] = lower[joints] + (upper - lower)[joints] * samples
     revolute = [joint for joint in joints if not bases[joint].prismatic]
     q[:, revolute] = _STEP * np.round(q[:, revolute] / _STEP)

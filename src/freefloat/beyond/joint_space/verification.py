@@ -19,7 +19,7 @@ from freefloat.verification.comparisons import Check
 from freefloat.verification.engine import PINOCCHIO
 from freefloat.verification.report import CheckReport
 
-_SAMPLES, _BOXES = 4096, 512
+_CONFIGURATIONS, _BOXES = 4096, 512
 """Configurations, and boxes with a singular configuration, that are looked at."""
 _DEVIATION = 1e-8
 """Deviation of the polynomial from det A, and magnitude of det A whose sign may be rounding, over
@@ -71,7 +71,8 @@ def singularity_map_checks(found: SingularityMap) -> Iterator[Check]:
     deviation = float(np.abs(found.polynomial.values(joints) - exact).max() / scale)
     yield Check(
         "polynomial", deviation <= _DEVIATION,
-        f"it deviates from det A of the robot by {deviation:.1g} at {_SAMPLES:,} configurations",
+        f"it deviates from det A of the robot by {deviation:.1g} at {_CONFIGURATIONS:,} "
+        "configurations",
         recomputed=deviation, allowed=_DEVIATION, unit="1",
     )  # fmt: skip
     kinds = found.kinds(joints)
@@ -90,7 +91,7 @@ def singularity_map_checks(found: SingularityMap) -> Iterator[Check]:
 def _random_joints(found: SingularityMap, rng: np.random.Generator) -> Array:
     names = found.model.joint_names
     lower, upper = joint_box(found.model, {names.index(k): v for k, v in found.fixed.items()})
-    joints = rng.uniform(lower, upper, (_SAMPLES, len(names)))
+    joints = rng.uniform(lower, upper, (_CONFIGURATIONS, len(names)))
     return _with_fixed(found, joints)
 
 

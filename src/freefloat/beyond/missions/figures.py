@@ -31,7 +31,7 @@ from freefloat.visualization.figures.figures import (
 )
 from freefloat.visualization.figures.motion_figures import joint_scale, limited_angles, shown_times
 
-_SAMPLES = 201
+_CURVE_POINTS = 201
 _ANGLE = 1.5
 """Height of the axes of an angle [inch]."""
 
@@ -116,7 +116,7 @@ def _draw_pointing(panels: list[Axes], phase: PhaseResult, motion: Motion) -> No
 
 
 def _sampled(motion: Motion) -> tuple[Array, Array, Array]:
-    return motion.evaluate(np.linspace(0.0, motion.panels, _SAMPLES))
+    return motion.evaluate(np.linspace(0.0, motion.panels, _CURVE_POINTS))
 
 
 def _mark(figure: Figure, phases: tuple[PhaseResult, ...]) -> None:

@@ -24,9 +24,9 @@ from freefloat.verification.motions import MOTION, same_results
 from freefloat.verification.report import CheckReport
 
 _COMPLETED = MOTION._replace(values={**MOTION.values, "ending": Ending.COMPLETED})
-_SAME, _PRECISE, _ENGINE = 1e-8, 1e-13, 1e-4
+_STATE_ERROR, _PRECISE, _ENGINE = 1e-8, 1e-13, 1e-4
 """Errors of integrating again and of the last state [rad, m, s], of its steps, of an engine's."""
-_STEPS = 12_000
+_STEPS_PER_LOOP = 12_000
 """Steps of the simulation, per loop: its error falls with their square."""
 _SPANS = 8
 """Spans of a spline that count as a loop."""
@@ -48,7 +48,7 @@ def goal_report(result: GoalMotion, engine: str) -> tuple[CheckReport, Known]:
     again = result.with_motion(motion, limits)
     known |= {"motion": _COMPLETED, "limit_results": limits, "feasible": again.feasible,
               "reason": again.reason}  # fmt: skip
-    other, steps = other_engine(engine), _STEPS * -(-motion.curve.spans // _SPANS)
+    other, steps = other_engine(engine), _STEPS_PER_LOOP * -(-motion.curve.spans // _SPANS)
     checks = (
         *completed("motion", _checks, result, motion, motion.curve),
         *limit_checks(limits, result.feasible),
@@ -66,7 +66,7 @@ def _checks(result: GoalMotion, motion: Motion, spline: JointSpline) -> Iterator
     again = replace(motion, times=times, attitudes=attitudes, joints=joints)
     yield _same_motion(again, motion)
     error = replace(result, motion=again).error or 0.0
-    yield error_check("final state", error, _SAME, "rad, m", float(again.times[-1]))
+    yield error_check("final state", error, _STATE_ERROR, "rad, m", float(again.times[-1]))
 
 
 def _integrated_again(
@@ -94,4 +94,4 @@ def _same_motion(again: Motion, motion: Motion) -> Check:
         angles = angle_between(again.attitudes, motion.attitudes)
         joints, times = np.abs(again.joints - motion.joints), np.abs(again.times - motion.times)
         difference = float(max(angles.max(), joints.max(), times.max()))
-    return error_check("integrated again", difference, _SAME, "rad, m, s", None)
+    return error_check("integrated again", difference, _STATE_ERROR, "rad, m, s", None)

@@ -30,7 +30,7 @@ from freefloat.verification.comparisons import Check, error_check
 from freefloat.verification.path_motions import plan_report
 from freefloat.verification.report import CheckReport
 
-_SAME = 1e-8
+_STATE_ERROR = 1e-8
 """Errors of states handed on [rad, m]."""
 _MOMENTUM = 1e-9
 """Error of the momentum after a capture, as a fraction of its parts, which may cancel."""
@@ -172,7 +172,7 @@ def _joint_checks(
     lengths = (last.joints - first.joints, last.base_position - first.base_position)
     error = max(angle, *(float(np.abs(difference).max()) for difference in lengths))
     name = f"{phase.name}: begins where {before.name} ends"
-    yield error_check(name, error, _SAME, "rad, m", phase.start)
+    yield error_check(name, error, _STATE_ERROR, "rad, m", phase.start)
     rates = (last.joint_rates - first.joint_rates, last.base_rate - first.base_rate)
     error = max(float(np.abs(difference).max()) for difference in rates)
     yield error_check(f"{phase.name}: rates at its start", error, JUMP, "rad/s, m/s", phase.start)

@@ -18,7 +18,7 @@ MAX_SAMPLES = 1_000_000
 """More samples would fill gigabytes of text."""
 J2000 = datetime(2000, 1, 1, 12, tzinfo=UTC)
 """Epoch of motions whose date is not given."""
-_ROUNDING = 1e-9
+_MISSED_END = 1e-9
 """Fraction of a step by which the last sample may miss the end."""
 
 
@@ -262,7 +262,7 @@ def times_at_rate(motion: Motion, rate: float) -> Array:
     whole = rate * (last - first)
     if whole > MAX_SAMPLES - 2:
         raise InputError("rate", f"{rate:g} Hz was given", accepted)
-    steps = np.ceil(whole * (1.0 - _ROUNDING))
+    steps = np.ceil(whole * (1.0 - _MISSED_END))
     return np.append(first + np.arange(steps) / rate, last)
 
 

@@ -41,7 +41,7 @@ UNVERIFIED = (*(f"software_{package}" for package in (*_SOFTWARE, "python")), "d
 GIVEN = "robot", "robot_file", "scenario", "scenario_file"
 """Parts of a file that are the question."""
 _ACCEPTED = f"a plan, motion or map file of freefloat (-o), format {FORMAT_VERSION}"
-_ROUNDING = 1e-9
+_DERIVED_ERROR = 1e-9
 """Deviation of derived numbers that are computed again."""
 _INVALID = (InputError, KeyError, ValueError, IndexError, TypeError, AttributeError,
             RecursionError)  # fmt: skip
@@ -205,7 +205,7 @@ def _require_same(stated: Any, read: Any, place: str) -> None:
     one, other = (np.asarray(getattr(entry, "values", entry)) for entry in (stated, read))
     numbers = {one.dtype.kind, other.dtype.kind} == {"f"}
     if one.shape != other.shape or not (
-        np.allclose(one, other, _ROUNDING, _ROUNDING, equal_nan=True)
+        np.allclose(one, other, _DERIVED_ERROR, _DERIVED_ERROR, equal_nan=True)
         if numbers
         else np.array_equal(one, other)
     ):

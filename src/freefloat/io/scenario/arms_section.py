@@ -19,7 +19,7 @@ from freefloat.records import Tree
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array
 
-_SAMPLES = 101
+_WAYPOINTS = 101
 """Waypoints of the joints of a saved motion."""
 _SAVED = "a motion file of freefloat (-o)"
 
@@ -132,7 +132,7 @@ def _saved_curve(path: Path, key: str, joints: tuple[str, ...]) -> ArmCurve:
     spline = scipy.interpolate.CubicSpline(
         times, values[:, [names.index(joint) for joint in joints]]
     )
-    instants = np.linspace(0.0, float(times[-1]), _SAMPLES)
+    instants = np.linspace(0.0, float(times[-1]), _WAYPOINTS)
     return ArmCurve(spline(instants), instants)
 
 

@@ -45,7 +45,7 @@ from freefloat.so3 import UPRIGHT, Array, Pose
 
 SAMPLES = "samples.csv"
 """Name of the CSV file in a scenario that was made from a path of samples, unless it is another."""
-_SAME = 1e-12
+_SAME_KNOT = 1e-12
 """Rounding of the knots of a spline."""
 _INERTIAL = Pose(np.zeros(3), np.eye(3))
 
@@ -204,7 +204,7 @@ def sections_of_arms(path: TimedPath) -> dict[str, dict[str, Any]]:
         curve, law = own.stated[0].curve, own.stated[0].orientation
         if isinstance(curve, SplineCurve):
             chords = SplineCurve(curve.points).knots
-            if not np.allclose(curve.knots, chords, rtol=0.0, atol=_SAME):
+            if not np.allclose(curve.knots, chords, rtol=0.0, atol=_SAME_KNOT):
                 raise inexpressible(f"robot.arms.{name}.law.path.curve", curve)
         contents[name] = curve_content(curve) | _attitude_section(law)
         if own.frame is not None:

@@ -38,7 +38,7 @@ _NEAREST = 16
 _STRETCHED = 256
 """Attitudes from which longer motions are tried where no candidate is known to keep the limits."""
 _BISECTIONS = 10
-_SAME = 1e-9
+_SAME_ATTITUDE = 1e-9
 """Angle below which attitudes are the same [rad]."""
 
 
@@ -222,7 +222,7 @@ def moved_nearer(
     chosen, problem, spare = passed[0], trials.problem, search.spare
     branch, start = chosen.branch.index, chosen.motion.initial.attitude
     away = rotation_vector_to(present, start)[0]
-    if np.abs(away).max() < _SAME:
+    if np.abs(away).max() < _SAME_ATTITUDE:
         return passed
     step = spare * away / np.linalg.norm(away)
     low, high = 0.0, 1.0

@@ -20,7 +20,7 @@ from freefloat.planning.objectives.objective import (
 from freefloat.planning.searches.nearest_neighbours import depths
 from freefloat.so3 import Array
 
-_SAME = 1e-9
+_SAME_ATTITUDE = 1e-9
 """Angle up to which two attitudes are one [rad]."""
 
 
@@ -95,7 +95,7 @@ class Nearest(Objective):
 
     def limited_reason(self, deviation: float | None, margin: str) -> str:
         """See :class:`Objective`."""
-        if not deviation or deviation < _SAME:
+        if not deviation or deviation < _SAME_ATTITUDE:
             return "the attitude the spacecraft has keeps margin and limits already"
         return f"the nearest found that keeps the limits, {np.degrees(deviation):.4g} degrees away"
 

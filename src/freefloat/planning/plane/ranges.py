@@ -41,7 +41,7 @@ _SMALLEST_LEVEL = 1e-4
 """Fraction of S_max used for a margin of zero, at which no motion can be started."""
 _TOLERANCE = 1e-11
 """Relative and absolute tolerance of the motions to the limits."""
-_NEAR = 1e-4
+_SAME_BRANCH = 1e-4
 """Largest distance of joint values from those of their arm branch [rad]."""
 _LABELS = "elbow+", "elbow-"
 
@@ -216,7 +216,9 @@ def _feasible_arcs(
 def _branch_of(problem: Problem, heading: float, joints: Array, at: float) -> int | None:
     """The number of the branch with these joints; None where branches meet."""
     branches = problem.branches(problem.plane.attitudes(heading), at)
-    near = [b.index for b in branches if problem.model.joint_distance(b.joints, joints) < _NEAR]
+    near = [
+        b.index for b in branches if problem.model.joint_distance(b.joints, joints) < _SAME_BRANCH
+    ]
     return near[0] if len(near) == 1 else None
 
 

@@ -24,7 +24,7 @@ _ON_SPHERE = 0.5
 _SWEEP, _FINEST, _SWEEPS = 0.12, 2e-3, 8
 """Sizes of the first and the smallest patterns of a descent, as fractions of the ball's radius, and
 their number."""
-_NEAR = 0.06
+_FIRST_SIZE = 0.06
 """Size of the first patterns of descents from known violations, as a fraction of that radius."""
 _POINTS, _SPIRAL = 12, 0.75
 """Points of a pattern, and the ratio of the distances of successive ones from its middle."""
@@ -32,7 +32,7 @@ _AHEAD = 2.5
 """How far a pattern reaches along the last step."""
 _APART = 0.2
 """Distance of deviations from which descents begin, as a fraction of the radius."""
-_SAME = 0.5
+_SAME_POINT = 0.5
 """Points nearer than this fraction of a pattern's size are the same."""
 CAUTION = 0.99
 """Fraction of the distance of the closest violation that is stated."""
@@ -100,7 +100,7 @@ def violations(
     first += [near, near]
     groups = np.repeat(np.arange(len(first)), [len(index) for index in first])
     start, columns = np.concatenate(first), groups % 2
-    sizes = np.where(start < effort.samples, _SWEEP, _NEAR) * radius
+    sizes = np.where(start < effort.samples, _SWEEP, _FIRST_SIZE) * radius
 
     def merit(tried: Array, searched: IntArray) -> Array:
         return -np.take_along_axis(regularity(tried), columns[searched, None], axis=1)[:, 0]
@@ -173,4 +173,6 @@ class _Balls:
     def superseded(self, searches: Searches, sizes: Array) -> pattern_search.Flags:
         """See :class:`.pattern_search.Pattern`: those near a better one."""
         distances = np.linalg.norm(searches.points[:, None] - searches.points, axis=2)
-        return np.asarray((searches.better & (distances < _SAME * sizes[:, None])).any(axis=1))
+        return np.asarray(
+            (searches.better & (distances < _SAME_POINT * sizes[:, None])).any(axis=1)
+        )

@@ -21,7 +21,7 @@ _GROWTH, _RATIOS = 2.0, (0.2, 1.5)
 """Size of a pattern in units of the last step, and limits of its ratio to the size of the last."""
 _GAIN = 2e-7
 """Smallest relative gain that is one."""
-_SAME = 0.7
+_SAME_POINT = 0.7
 """Points nearer than this fraction of a pattern's size are the same."""
 ROUNDS = 14
 """Patterns of a search, at most."""
@@ -109,7 +109,7 @@ class Clouds:
     def superseded(self, searches: Searches, sizes: Array) -> Flags:
         """See :class:`Pattern`: those near a better one."""
         angles = angle_between(searches.points[:, None], searches.points)
-        return np.asarray((searches.better & (angles < _SAME * sizes[:, None])).any(axis=1))
+        return np.asarray((searches.better & (angles < _SAME_POINT * sizes[:, None])).any(axis=1))
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,7 +161,7 @@ class ConePattern:
         """See :class:`Pattern`: those near a better one, or too long to become as short."""
         lengths = np.linalg.norm(searches.points, axis=1)
         units = searches.points / lengths[:, None]
-        near = units @ units.T > np.cos(_SAME * sizes)[:, None]
+        near = units @ units.T > np.cos(_SAME_POINT * sizes)[:, None]
         far = (lengths * (1.0 - np.minimum(sizes, _LARGEST)))[:, None] > lengths
         return np.asarray((searches.better & (near | far)).any(axis=1))
 

@@ -23,11 +23,11 @@ from freefloat.planning.space.climbing import Inside, nearest_feasible
 from freefloat.planning.space.robust_radius import robust_radius
 from freefloat.so3 import Array, IntArray, angle_between, rotated
 
-_SAMPLES = 4
+_NEAREST_SAMPLES = 4
 """Nearest samples, the last starts tried."""
 _FACTORS = 1.02, 1.06
 """Radii of the balls tried, in units of the spare angle: reported radii are slightly smaller."""
-_STEPS = 8
+_MOST_CLOUDS = 8
 """Clouds on the way to the target, at most."""
 _CLOUD = 1024
 """Attitudes of a cloud."""
@@ -69,7 +69,7 @@ def nearest_with_spare(
         if best is not None and best.deviation <= near.deviation:
             break  # no attitude of this branch is nearer
         inside = samples.attitudes[samples.regular(near.branch)]
-        order = np.argsort(angle_between(inside, target))[:_SAMPLES]
+        order = np.argsort(angle_between(inside, target))[:_NEAREST_SAMPLES]
         for start in (near.attitude, *inside[order]):
             found = _nearest_centre(evaluator, start, near.branch, target, spare, samples.spacing)
             if found is not None and domain.contains(found.attitude):
@@ -90,7 +90,7 @@ def _nearest_centre(
     for factor in _FACTORS:
         best: Array | None = None
         place = start
-        for _ in range(_STEPS):
+        for _ in range(_MOST_CLOUDS):
             centre = _centre_nearby(evaluator, place, branch, target, factor * spare)
             if centre is None:
                 break

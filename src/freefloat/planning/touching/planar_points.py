@@ -22,7 +22,7 @@ from freefloat.regions.margin_curves import MarginCurve
 from freefloat.so3 import Array, angle_between, frozen, wrapped
 
 _EXACT = 1e-9
-_NEWTON_STEPS, _LONGEST, _ROUNDING = 30, 0.1, 1e-13
+_NEWTON_STEPS, _LONGEST, _LAST_STEP = 30, 0.1, 1e-13
 """Most Newton steps, the longest one, and that which is last [rad, fraction of the duration]."""
 _STEP = 1e-7
 """Step of differences [rad, fraction of the duration]."""
@@ -127,7 +127,7 @@ def _refined(
         steps = (np.linalg.pinv(jacobian) @ errors(q, path)[..., None])[..., 0]
         steps = np.clip(steps, -_LONGEST, _LONGEST)
         q, t = q - steps[:, :2], np.clip(t - duration * steps[:, 2], 0.0, duration)
-        if np.abs(steps).max() < _ROUNDING:
+        if np.abs(steps).max() < _LAST_STEP:
             break
     exact = np.abs(errors(q, candidates.path_at(t))).max(axis=1) < _EXACT
     minimal = candidates.curvatures(q, t) * level >= 0.0

@@ -14,7 +14,7 @@ from freefloat.motion.problem import Problem
 from freefloat.records import Joints, Quaternions
 from freefloat.so3 import Array, angle_between, frozen
 
-_SAME = 1e-6
+_SAME_POINT = 1e-6
 _ON_BOUNDARY = 1e-4
 """Fraction of S0 by which the minimum of a motion with a touch point may differ from S0."""
 
@@ -85,7 +85,7 @@ def distinct_in_space(problem: Problem, points: list[TouchPoint]) -> tuple[Touch
     def same(point: TouchPoint, other: TouchPoint) -> bool:
         distance = float(problem.model.joint_distance(point.joints, other.joints))
         turn = float(angle_between(point.attitude, other.attitude))
-        return max(abs(point.s - other.s), distance, turn) < _SAME
+        return max(abs(point.s - other.s), distance, turn) < _SAME_POINT
 
     return distinct(points, same)
 

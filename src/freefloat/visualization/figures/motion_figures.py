@@ -39,8 +39,8 @@ from freefloat.visualization.figure_style import (
     styled,
 )
 
-_SAMPLES = 401
-_ROUNDING = 1e-9
+_CURVE_POINTS = 401
+_TURN_ERROR = 1e-9
 _BOUNDED = 0.97
 """Initial fraction of a singular motion whose rates set the axis limits."""
 _HEADROOM = 1.5
@@ -66,7 +66,7 @@ def motion_figures(motion: Motion, closest: ClosestApproach) -> Figures:
 
 def shown_times(motion: Motion) -> Array:
     """Evenly spaced times and those of the integration nodes [s]."""
-    even = np.linspace(motion.times.min(), motion.times.max(), _SAMPLES)
+    even = np.linspace(motion.times.min(), motion.times.max(), _CURVE_POINTS)
     return np.unique(np.concatenate([even, motion.times]))
 
 
@@ -79,7 +79,7 @@ def euler_angles(attitudes: Array) -> Array:
 def headings(attitudes: Array, plane: Plane) -> Array:
     """Headings of a planar spacecraft [deg], without jumps from [0, 360), shape (K,)."""
     angles = np.unwrap(2.0 * np.arctan2(attitudes[:, :3] @ plane.normal, attitudes[:, 3]))
-    turns = np.floor((angles[0] + _ROUNDING) / (2.0 * np.pi))  # zero is not a whole turn
+    turns = np.floor((angles[0] + _TURN_ERROR) / (2.0 * np.pi))  # zero is not a whole turn
     return np.asarray(np.degrees(angles - 2.0 * np.pi * turns))
 
 

@@ -21,7 +21,7 @@ from freefloat.visualization.figure_style import (
     styled,
 )
 
-_SAMPLES = 401
+_CURVE_POINTS = 401
 _STROKES = STROKES[:1] + STROKES[2:]
 """Without that of the margin."""
 _MARKERS = {TouchKind.TANGENT: ("D", "touch point C"), TouchKind.START: ("s", "touch point E"),
@@ -46,7 +46,7 @@ def touch_points_figure(result: AttitudeMap) -> Figure:
     for point, (colour, dashes) in zip(result.touch or (), _STROKES, strict=False):
         branches = {branch.index: branch for branch in problem.branches(point.attitude)}
         motion = integrate_motion(problem, point.attitude, branches[point.branch or 0].joints)
-        times, _, joints = motion.evaluate(np.linspace(0.0, motion.panels, _SAMPLES))
+        times, _, joints = motion.evaluate(np.linspace(0.0, motion.panels, _CURVE_POINTS))
         axes.plot(
             times, [measure(q) for q in joints], color=colour, linestyle=dashes, linewidth=1.0
         )

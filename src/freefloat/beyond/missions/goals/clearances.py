@@ -28,7 +28,7 @@ _SCALE = 0.02
 """Lack of distance that counts as one [m]."""
 _DEEPEST = 0.15
 """Largest lack that counts: deeper penetrations are only as bad [m]."""
-_NEAR = 5e-3
+_GUARDED_DISTANCE = 5e-3
 """Distance beyond the required one at which bodies may be too near after a step [m]."""
 _ENDS = 3
 """Spans of a loop in which the first and the last one differ from the others."""
@@ -120,7 +120,7 @@ class Clearances:
             times, course.attitudes[edges], Placements.of(self._arm, course.joints[edges])
         )
         scene, required = self._scene.along(places), self.required
-        near = required + _NEAR
+        near = required + _GUARDED_DISTANCE
         row, pair, now = self._near(places.bodies, scene, near)
         if len(course.joints) not in self._seen:
             self._seen[len(course.joints)] = _Seen.never(len(course.joints), len(required))
@@ -136,7 +136,7 @@ class Clearances:
             array[edges[row], pair] = new
         lack = required[pair] - now.distances
         rows = np.column_stack([row, pair, lack, normals, points.reshape(-1, 6)])
-        return self._with_derivatives(rows[lack > -_NEAR], edges, places, paths)
+        return self._with_derivatives(rows[lack > -_GUARDED_DISTANCE], edges, places, paths)
 
     def _near(
         self, bodies: Placements, scene: Placed, required: Array

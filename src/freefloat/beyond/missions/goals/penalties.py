@@ -9,7 +9,7 @@ import numpy as np
 from freefloat.beyond.missions.goals.joint_paths import JointPaths
 from freefloat.so3 import Array
 
-_NEAR = 0.5
+_GUARDED_FRACTION = 0.5
 """Fraction of a limit from which a value may violate it after a step."""
 
 
@@ -41,7 +41,7 @@ class JointValues(NamedTuple):
 
     def beyond_limits(self) -> tuple[Array, Array]:
         """How far those near or beyond one are beyond it, with derivatives by the unknowns."""
-        place, joint = np.nonzero(np.abs(self.values) > _NEAR)
+        place, joint = np.nonzero(np.abs(self.values) > _GUARDED_FRACTION)
         signs, n = np.sign(self.values[place, joint]), len(self.scales)
         rows = np.zeros((len(place), self.basis.shape[1], n))
         slopes = (signs * self.scales[joint])[:, None] * self.basis[place]
@@ -71,6 +71,6 @@ class JointValues(NamedTuple):
 def beyond_one(values: Array, jacobian: Array) -> tuple[Array, Array]:
     """How far magnitudes of vectors (G, 3) near or beyond one are beyond it, with derivatives."""
     size = np.linalg.norm(values, axis=1)
-    (near,) = np.nonzero(size > _NEAR)
+    (near,) = np.nonzero(size > _GUARDED_FRACTION)
     directions = values[near] / size[near, None]
     return size[near] - 1.0, np.einsum("gi,gix->gx", directions, jacobian[near])

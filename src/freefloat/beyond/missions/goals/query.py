@@ -21,7 +21,7 @@ from freefloat.motion.problem import Problem
 from freefloat.rotations import rotation_matrix
 from freefloat.so3 import Array, angle_between
 
-_SAME = 1e-9
+_SAME_STATE = 1e-9
 """Distance from a goal that is the state at the start [rad, m]."""
 
 
@@ -91,7 +91,7 @@ class Query:
             return False
         away = [self.target.residuals(EndState(0.0, self.attitude, joints, rates))]
         away += [] if self.goal.joints is None else [self.goal.joints - joints]
-        return bool(np.abs(np.concatenate(away)).max() < _SAME)
+        return bool(np.abs(np.concatenate(away)).max() < _SAME_STATE)
 
     def require_sense(self) -> None:
         """Raise an InputError for a goal that robot, state and limits do not suit."""

@@ -17,7 +17,7 @@ from freefloat.limits.limits import Limits, limits_for
 from freefloat.motion.problem import Problem, require_problem
 from freefloat.so3 import Array, angle_between
 
-_SAME = 1e-9
+_SAME_ATTITUDE = 1e-9
 """Angle between attitudes that are the same [rad]."""
 
 
@@ -67,7 +67,7 @@ def reorient(
     problem.model.require_one_arm("reorientations")
     limits = (limits_for(problem, limits) or Limits()).without_turn
     begin, end = problem.attitude(start, key="from"), problem.attitude(goal, key="to")
-    if angle_between(begin, end) < _SAME:
+    if angle_between(begin, end) < _SAME_ATTITUDE:
         raise InputError("to", "it is the attitude at the start", "another attitude")
     if duration is None and not limits.timed:
         duration = problem.path.duration

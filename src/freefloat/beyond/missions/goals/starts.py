@@ -24,13 +24,13 @@ _MOST_BRANCHES, _APART = 8, 0.01
 """Most straight ways, and least difference of their ends [rad, m]."""
 _FOLLOWED = 32
 """Most arm branches that are followed to the attitudes at which their straight ways end."""
-_SAMPLES, _DISTINCT = 1024, 0.3
+_CONFIGURATIONS, _DISTINCT = 1024, 0.3
 """Random configurations from which Newton's method leads a redundant arm to the goal's pose where
 its arm branches violate a limit there, and least difference of those that it finds [rad, m]."""
 _ERROR, _TIME = 3.0, 0.05
 """Weights of the error at the end [1/rad, 1/m] and of the duration over that of half a turn."""
 _MEAN_SQUARE, _LOOK = TermWeights(1.0, 0.0), TermWeights(1.0, 1.0)
-_NEAR = 1e-2
+_COMPARED_RESIDUAL = 1e-2
 """Residual of the end with which random paths are compared [rad, m]."""
 _CLOSED_PER_START = 2
 """Random paths that are moved onto the goal for each of those that violate least."""
@@ -66,7 +66,9 @@ def starts(relaxation: Relaxation, rng: np.random.Generator, most: int) -> Itera
 def _closed(relaxation: Relaxation, candidates: Sequence[Array]) -> Iterator[Array]:
     """Unknowns near some whose paths end at the goal; none for those that do not come there."""
     for unknowns in candidates:
-        closed = relaxation.closed(relaxation.with_duration(unknowns), _MEAN_SQUARE, accuracy=_NEAR)
+        closed = relaxation.closed(
+            relaxation.with_duration(unknowns), _MEAN_SQUARE, accuracy=_COMPARED_RESIDUAL
+        )
         if closed is not None:
             yield relaxation.with_duration(closed)
 
@@ -143,8 +145,8 @@ def _redundant(relaxation: Relaxation, rng: np.random.Generator) -> list[Array]:
     if target.pose is None or task is None or model.dof <= len(task.rows):
         return []
     attitude = relaxation.attitude if target.attitude is None else target.attitude
-    attitudes = np.tile(attitude, (_SAMPLES, 1, 1))
-    samples = rng.uniform(low, high, (_SAMPLES, len(low)))
+    attitudes = np.tile(attitude, (_CONFIGURATIONS, 1, 1))
+    samples = rng.uniform(low, high, (_CONFIGURATIONS, len(low)))
     ends = newton_solutions(model, *_seen(relaxation, attitudes), task, samples)
     return _distinct(relaxation, ends[np.isfinite(ends).all(axis=1)], _DISTINCT)
 

@@ -21,7 +21,7 @@ from freefloat.planning.planner import plan
 from freefloat.planning.settings import Search
 from freefloat.so3 import Array, angle_between
 
-_SAME = 1e-9
+_SAME_STATE = 1e-9
 """Angle between attitudes, and difference of joints, that are the same [rad, m]."""
 
 
@@ -111,7 +111,7 @@ def _to_start(
     problem = state.problem
     present = problem.attitude(search.from_attitude)
     differences = np.concatenate([joints - state.joints, state.joint_rates])
-    if max(angle_between(present, state.attitude), np.abs(differences).max()) <= _SAME:
+    if max(angle_between(present, state.attitude), np.abs(differences).max()) <= _SAME_STATE:
         return []
     from freefloat.beyond.missions.goals.arrival import arrive  # compiled kernels
     from freefloat.beyond.missions.goals.query import GoalStart

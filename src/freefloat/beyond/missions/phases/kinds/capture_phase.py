@@ -27,7 +27,7 @@ from freefloat.so3 import Array, Pose, frozen
 
 _PAYLOAD = "payload"
 """Name of the link that a captured body becomes, but for a number."""
-_SAME = 1e-6
+_SAME_BODY = 1e-6
 """Relative difference of inertias, and difference of centres of mass [m], that are the same."""
 
 
@@ -113,12 +113,14 @@ class CapturePhase(Phase):
 
         Else capture would change the momentum of a body that nothing touches.
         """
-        if self.com is not None and np.abs(self.com - tumbling.com).max() > _SAME:
+        if self.com is not None and np.abs(self.com - tumbling.com).max() > _SAME_BODY:
             problem = f"{self.com.tolist()} is not the point about which the body tumbles"
             raise InputError("com", problem, f"{tumbling.com.tolist()}, or none: it is the default")
         if self.inertia is not None:
             factor = np.trace(self.inertia) / np.trace(tumbling.inertia)
-            if not np.allclose(self.inertia, factor * tumbling.inertia, _SAME, _SAME * factor):
+            if not np.allclose(
+                self.inertia, factor * tumbling.inertia, _SAME_BODY, _SAME_BODY * factor
+            ):
                 problem = "it is not proportional to that of the body's tumbling"
                 moments = tumbling.inertia.tolist()
                 raise InputError("inertia", problem, f"a multiple of {moments}, or none")
