@@ -116,7 +116,7 @@ NUMPY = {
     "floats": lambda array, columns: Table(array.ravel(), columns),
     "lanes": lambda array, columns: Table(array.reshape(-1, WIDTH), columns),
     "first_if_none": lambda value, first, second: first if value is None else second,
-    "below": lambda table, row, columns: Table(table.array[row * table.columns :], columns),
+    "subtable": lambda table, row, columns: Table(table.array[row * table.columns :], columns),
     "get_vector": get_vector,
     "set_vector": set_vector,
     "pick": pick,

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import freefloat as ff
+from freefloat.io.formats.urdf_file import write_urdf
 from freefloat.robot.validation import examine, read_urdf
 from tests.errors import error_key
 from tests.robots import Robot, inertial_text, joint_text, link_text, random_robot
@@ -121,6 +122,16 @@ def test_a_planar_base_floats_on_a_table(base: str) -> None:
     np.testing.assert_array_equal(S, expected)
     free = ff.FreeFloatingModel.from_urdf(within(base), robot().end_effector, base="free")
     assert free.base == "free"
+
+
+def test_an_assembly_is_written_with_its_table(tmp_path) -> None:
+    stated = ff.FreeFloatingModel.from_urdf(robot().text, robot().end_effector, base="planar")
+    written = write_urdf(stated, tmp_path / "robot.urdf")
+    read = ff.FreeFloatingModel.from_urdf(written.file, robot().end_effector)
+    assert (read.base, read.joint_names) == ("planar", stated.joint_names)
+    free = ff.FreeFloatingModel.from_urdf(robot().text, robot().end_effector)
+    centre = -free.base_position([0.0, 0.0, 0.0, 1.0], np.zeros(free.dof))
+    np.testing.assert_allclose(written.centre_of_mass, centre, atol=1e-14)
 
 
 MASSIVE = link_text("world", inertial_text(3.0, np.eye(3)))

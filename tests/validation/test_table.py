@@ -152,6 +152,19 @@ def test_a_certificate_bounds_the_margin_on_a_table() -> None:
     assert certificate.integration.joints < 1e-8
 
 
+def test_wheels_do_not_tilt_what_a_table_holds_level() -> None:
+    problem, attitude, joints, text = on_table(3)
+    problem = problem.stretched(15.0).replace(wheel_momentum=[0.0, 0.0, 20.0])
+    motion = ff.integrate_motion(problem, attitude, joints)
+    assert np.abs(motion.attitudes[:, :2]).max() < 1e-12
+    other, last = PlanarRoot(problem, text), 0.5 * motion.final.time
+    x, y, _ = problem.model.base_position(attitude, joints)
+    start = [x, y, 2.0 * np.arctan2(attitude[2], attitude[3]), *joints]
+    reference = solve_ivp(other.rates, (0.0, last), start, "DOP853", rtol=1e-12, atol=1e-12)
+    (state,) = motion.sample([last])
+    np.testing.assert_allclose(state.joints, reference.y[3:, -1], atol=1e-7)
+
+
 @pytest.mark.parametrize(
     ("key", "value"),
     [("momentum", [0.1, 0.0, 0.2]), ("wheel_momentum", [0.0, 0.3, 0.0])],

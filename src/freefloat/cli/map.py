@@ -39,7 +39,7 @@ _Samples = Annotated[
     typer.Option(
         metavar="N",
         help="Number of attitudes; default search.samples of the scenario, else 36,864 "
-        "(planar tasks: 360 headings).",
+        "(planar tasks and tables: 360 headings).",
     ),
 ]
 _Seed = Annotated[
@@ -84,8 +84,8 @@ def map_(
 ) -> None:
     """Compute the minimum margin of every initial attitude and arm branch.
 
-    For planar tasks the attitudes are headings; --seed, --nearest, --boundary and --touch do not
-    apply. Exit code 1: no feasible attitude was found.
+    For planar tasks and on a table the attitudes are headings; --seed, --nearest, --boundary and
+    --touch do not apply. Exit code 1: no feasible attitude was found.
 
     Example: freefloat map planar_3dof/parabola --samples 720
 

@@ -42,7 +42,7 @@ _Heading = Annotated[
     float | None,
     typer.Option(
         metavar="DEG",
-        help="The same for planar tasks: degrees about z, or the normal of the robot's plane.",
+        help="The same for planar tasks and on a table: degrees about z, or the plane's normal.",
     ),
 ]
 _Joints = Annotated[
@@ -84,7 +84,7 @@ def simulate(
     """
     if (attitude is None) is (heading is None):
         number = "neither" if attitude is None else "both"
-        accepted = "--attitude X Y Z W, or --heading DEG for planar tasks"
+        accepted = "--attitude X Y Z W, or --heading DEG for planar tasks and on a table"
         raise InputError("attitude", f"{number} of --attitude and --heading given", accepted)
     from freefloat.io.scenario.scenario import load_scenario
 

@@ -91,6 +91,8 @@ class ResolvedRateSolver:
         self._b = np.zeros(6 + m + k)
         self._B = np.zeros((6, n + 1), order="F")
         self._b[3:6] = system.momentum
+        first = 2 if model.on_table else 0  # of the axes about which momentum is conserved
+        self._axes, self._conserved = slice(first, 3), slice(3 + first, 6)
         self._on_table, self._still = model.on_table, np.eye(6, 6 + n)[CARRIED]
         self._system, self._wheels = system, bool(system.wheels.any())
         self._redundancy = redundancy or Redundancy()
@@ -133,7 +135,7 @@ class ResolvedRateSolver:
                 self._model.require_one_arm("these joint rates")
             b[self._task.stop :] = arm_rates
         if self._wheels:
-            b[3:6] = self._system.body_momentum(attitude)
+            b[self._conserved] = self._system.body_momentum(attitude)[self._axes]
         if M.shape[0] == M.shape[1]:
             _, _, v, singular = dgesv(M, b)
             return (v[3:6], v[6:]) if not singular else self._infinite()
@@ -176,7 +178,7 @@ class ResolvedRateSolver:
         if self._further:
             b[:, self._task.stop :] = arm_rates
         if self._wheels:
-            b[:, 3:6] = self._system.body_momentum(attitudes)
+            b[:, self._conserved] = self._system.body_momentum(attitudes)[:, self._axes]
         return M, b
 
     def _fill(self, M: Array, attitude: Array, joints: Array) -> list[Array]:

@@ -75,6 +75,24 @@ def with_free_base(robot: RobotDescription, element: Element) -> RobotDescriptio
     )  # fmt: skip
 
 
+def add_table(robot: Element, root: str) -> None:
+    """Say in a ``<robot>`` that its root floats on a table: by a planar joint from a massless link.
+
+    Args:
+        robot: The element, of lxml or of the standard library, which is changed.
+        root: Its root link.
+    """
+    names, name = {child.get("name") for child in robot}, "table"
+    while name in names:
+        name += "_"
+    joint = robot.makeelement("joint", {"name": name, "type": "planar"})
+    parts = {"parent": {"link": name}, "child": {"link": root}, "axis": {"xyz": "0 0 1"}}
+    for tag, attributes in parts.items():
+        joint.append(joint.makeelement(tag, attributes))
+    robot.append(robot.makeelement("link", {"name": name}))
+    robot.append(joint)
+
+
 def base_joint_problem(robot: RobotDescription, joint: Joint) -> str:
     """Why a floating or planar joint is not the one between a massless part and the spacecraft."""
     if sum(other.type in _BASES for other in robot.joints) > 1:

@@ -27,6 +27,7 @@ from freefloat.beyond.formats.mjcf_bodies import (
 from freefloat.beyond.formats.mjcf_not_read import SHAPES, not_read
 from freefloat.errors import ModelError, one_line
 from freefloat.robot.bundled import is_file
+from freefloat.robot.free_base import add_table
 from freefloat.robot.reader_process import MEMORY, UrdfText
 
 _EFFORT, _VELOCITY = "1e9", "1e9"
@@ -69,7 +70,7 @@ def read(file: str, root: str | None = None) -> UrdfText:
             at = model.body_pos[body] + _matrix(model.body_quat[body]) @ anchors[body] - parent
             _add_joint(robot, model, body, joints[body], at)
     if is_on_table(model, start):
-        _add_table(robot, body_name(model, start))
+        add_table(robot, body_name(model, start))
     sites = _add_sites(robot, model, anchors)
     ET.indent(robot)
     text = ET.tostring(robot, encoding="unicode")
@@ -80,17 +81,6 @@ def read(file: str, root: str | None = None) -> UrdfText:
         text, warnings, tuple(map(str, files)), tuple(not_read(model, bodies, documents)),
         frames=tuple(sites.values()),
     )  # fmt: skip
-
-
-def _add_table(robot: ET.Element, root: str) -> None:
-    """Let the root float on a table, as URDF says it."""
-    names = {link.get("name") for link in robot.iter("link")}
-    table = next(name for name in map("table{}".format, ("", *range(_MOST))) if name not in names)
-    ET.SubElement(robot, "link", name=table)
-    joint = ET.SubElement(robot, "joint", name=table, type="planar")
-    ET.SubElement(joint, "parent", link=table)
-    ET.SubElement(joint, "child", link=root)
-    ET.SubElement(joint, "axis", xyz="0 0 1")
 
 
 def _files(model: Path) -> set[Path]:

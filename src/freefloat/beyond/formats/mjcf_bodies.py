@@ -107,8 +107,7 @@ def is_on_table(model: Any, root: int) -> bool:
         return False
     axes, kinds = model.jnt_axis[joints], model.jnt_type[joints]
     upright = np.abs(axes[kinds == HINGE][0, :2]).max() + np.abs(axes[kinds == SLIDE][:, 2]).max()
-    orthogonal = abs(abs(np.linalg.det(axes)) - 1.0) < _ORTHOGONAL
-    return bool(orthogonal and upright < _ORTHOGONAL)
+    return bool(abs(np.linalg.det(axes)) > _ORTHOGONAL and upright < _ORTHOGONAL)
 
 
 def _slides_and_turns(model: Any, joints: list[int]) -> bool:

@@ -6,7 +6,7 @@ import io
 import os
 import shutil
 from copy import deepcopy
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +17,9 @@ from lxml import etree
 from freefloat.dynamics.momentum import inertia_matrices
 from freefloat.errors import InputError, ModelError
 from freefloat.io.files import written_beside
+from freefloat.robot.base import Base
 from freefloat.robot.description import Joint
+from freefloat.robot.free_base import add_table
 from freefloat.robot.mesh_files import MeshFileError, find_mesh
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.urdf import rename_meshes
@@ -44,7 +46,8 @@ class UrdfFile:
     @property
     def centre_of_mass(self) -> Array:
         """Centre of mass in the root's frame, all joints at zero [m], shape (3,)."""
-        return -self.model.base_position(UPRIGHT, np.zeros(self.model.dof))
+        free = replace(self.model, base=Base.FREE)  # on a table the height is not the base's
+        return -free.base_position(UPRIGHT, np.zeros(free.dof))
 
     @property
     def inertia(self) -> Array:
@@ -73,6 +76,7 @@ class UrdfFile:
             "file": str(self.file),
             "robot": self.model.description.name or None,
             "root": self.model.body_names[0],
+            "base": str(self.model.base),
             "end_effector": self.model.end_effector,
             "total_mass": self.model.total_mass,
             "centre_of_mass": self.centre_of_mass.tolist(),
@@ -114,6 +118,8 @@ def write_urdf(model: FreeFloatingModel, file: Path, copy_meshes: bool = False) 
         folder = file.resolve().parent / f"{file.stem}_meshes"
         copies = _copy(sorted(set(found.values())), folder)
         names = {name: f"{folder.name}/{copies[path]}" for name, path in found.items()}
+    if model.on_table:
+        add_table(robot, model.body_names[0])
     rename_meshes(robot, lambda name: names.get(name, name))
     etree.indent(robot)
     with written_beside(file) as temporary:
