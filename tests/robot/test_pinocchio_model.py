@@ -162,7 +162,8 @@ def test_plans_are_those_of_the_file_and_are_saved(name: str, tmp_path: Path) ->
     model = ff.FreeFloatingModel.from_pinocchio(pin_model, file.end_effector)
     search = ff.Search(samples=8)
     plan, expected = (ff.plan(problem_of(robot), search) for robot in (model, file))
-    assert plan.chosen and expected.chosen
+    assert plan.chosen
+    assert expected.chosen
     values = [answer.chosen.closest_approach.value for answer in (plan, expected)]
     assert values[0] == pytest.approx(values[1], rel=1e-8)
     ff.save(plan, tmp_path / "plan.h5")
