@@ -204,9 +204,8 @@ def number_array(key: str, values: npt.ArrayLike, accepted: str) -> npt.NDArray[
 
     try:
         array = np.asarray(values)
-        if array.size and all(hasattr(entry, "coeffs") for entry in array.flat):
-            rows = [entry.coeffs() for entry in array.flat]
-            return np.array(rows, dtype=float).reshape(*array.shape, 4)
+        if array.dtype.kind == "O" and all(hasattr(entry, "coeffs") for entry in array.flat):
+            return np.array([entry.coeffs() for entry in array.flat]).reshape(*array.shape, 4)
         if array.dtype.kind in "biufO":
             return np.array(values, dtype=float)
     except (TypeError, ValueError, OverflowError):

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 from lxml import etree
 
@@ -16,10 +15,10 @@ from freefloat.errors import ModelError, did_you_mean, require_type
 from freefloat.robot.base import Base
 from freefloat.robot.description import RobotDescription
 from freefloat.robot.urdf import MOMENTS, UNLIMITED
+from freefloat.robot.urdf_numbers import text_of
 from freefloat.robot.urdf_text import Element
 from freefloat.robot.urdf_versions import require_version
 from freefloat.robot.validation import read_urdf
-from freefloat.so3 import Array
 
 _ROOTS = {"JointModelFreeFlyer": Base.FREE, "JointModelPlanar": Base.PLANAR}
 _RANKS = (
@@ -98,10 +97,7 @@ def _fixed_joints(model: pin.Model) -> dict[str, str]:
     """Names of the fixed joints that carry bodies, by the body's name."""
     carried = ((frame.name, model.frames[frame.parentFrame]) for frame in model.frames
                if frame.type == pin.FrameType.BODY)  # fmt: skip
-    return {
-        name: carrier.name for name, carrier in carried
-        if carrier.type == pin.FrameType.FIXED_JOINT
-    }  # fmt: skip
+    return {name: by.name for name, by in carried if by.type == pin.FrameType.FIXED_JOINT}
 
 
 def _add_joints(
@@ -122,17 +118,17 @@ def _add_joints(
                 raise ModelError(f"joint {own}", f"it is a {kind.shortname()}", _JOINTS)
             _add_joint(robot, own, "fixed", (parent, name), data.liMi[joint])
             continue
-        ends = _limits(model.lowerPositionLimit, model.upperPositionLimit)[:, kind.idx_q]
-        sliding = bool(S[:3].any())
-        endless = not sliding and (kind.nq > 1 or bool((np.abs(ends) >= UNLIMITED).all()))
+        q, v, sliding = kind.idx_q, kind.idx_v, bool(S[:3].any())
+        ends = {"lower": model.lowerPositionLimit[q], "upper": model.upperPositionLimit[q]}
+        endless = not sliding and (kind.nq > 1 or min(map(abs, ends.values())) >= UNLIMITED)
         word = "prismatic" if sliding else "continuous" if endless else "revolute"
         element = _add_joint(robot, own, word, (parent, name), data.liMi[joint])
-        etree.SubElement(element, "axis", xyz=_text(S[:3] if sliding else S[3:]))
-        rated = _limits(model.velocityLimit, model.effortLimit)[:, kind.idx_v]
-        values = dict(zip(("velocity", "effort"), rated, strict=True))
-        if not endless:
-            values |= dict(zip(("lower", "upper"), ends, strict=True))
-        etree.SubElement(element, "limit", {key: _text(value) for key, value in values.items()})
+        etree.SubElement(element, "axis", xyz=text_of(S[:3] if sliding else S[3:]))
+        rated = {"velocity": model.velocityLimit[v], "effort": model.effortLimit[v]}
+        limits = rated if endless else rated | ends
+        etree.SubElement(element, "limit", {
+            key: text_of(np.clip(value, -UNLIMITED, UNLIMITED)) for key, value in limits.items()
+        })  # fmt: skip
 
 
 def _add_frames(robot: Element, model: pin.Model, bodies: Mapping[int, str], links: _Links) -> None:
@@ -162,8 +158,8 @@ def _add_inertial(link: Element, inertia: pin.Inertia) -> None:
         return
     inertial = etree.SubElement(link, "inertial")
     _add_origin(inertial, pin.SE3(np.eye(3), inertia.lever))
-    etree.SubElement(inertial, "mass", value=_text(inertia.mass))
-    moments = map(_text, inertia.inertia[np.triu_indices(3)])
+    etree.SubElement(inertial, "mass", value=text_of(inertia.mass))
+    moments = map(text_of, inertia.inertia[np.triu_indices(3)])
     etree.SubElement(inertial, "inertia", dict(zip(MOMENTS, moments, strict=True)))
 
 
@@ -183,7 +179,7 @@ def _add_shapes(
             own_colour = not shape.overrideMaterial and element.find("geometry/mesh") is not None
             if tag == "visual" and not own_colour:
                 material = etree.SubElement(element, "material", name=_printable(shape.name))
-                etree.SubElement(material, "color", rgba=_text(shape.meshColor))
+                etree.SubElement(material, "color", rgba=text_of(shape.meshColor))
     if robot.find("link/*/geometry/capsule") is not None:
         require_version(robot, "1.1")
 
@@ -202,27 +198,22 @@ def _add_geometry(element: Element, shape: Any) -> None:
     geometry = shape.geometry
     match type(geometry).__name__:
         case "Box":
-            etree.SubElement(element, "box", size=_text(2.0 * geometry.halfSide))
+            etree.SubElement(element, "box", size=text_of(2.0 * geometry.halfSide))
         case "Sphere":
-            etree.SubElement(element, "sphere", radius=_text(geometry.radius))
+            etree.SubElement(element, "sphere", radius=text_of(geometry.radius))
         case "Cylinder" | "Capsule" as name:
-            length = _text(2.0 * geometry.halfLength)
-            etree.SubElement(element, name.lower(), radius=_text(geometry.radius), length=length)
+            length = text_of(2.0 * geometry.halfLength)
+            etree.SubElement(element, name.lower(), radius=text_of(geometry.radius), length=length)
         case name if not Path(shape.meshPath).is_file():
             raise ModelError(f"geometry.{shape.name}", f"it is a {name}", _SHAPES)
         case _:
             file = str(Path(shape.meshPath).absolute())
-            etree.SubElement(element, "mesh", filename=file, scale=_text(shape.meshScale))
+            etree.SubElement(element, "mesh", filename=file, scale=text_of(shape.meshScale))
 
 
 def _add_origin(owner: Element, placement: Any) -> None:
     angles = pin.rpy.matrixToRpy(placement.rotation)
-    etree.SubElement(owner, "origin", xyz=_text(placement.translation), rpy=_text(angles))
-
-
-def _limits(*values: npt.ArrayLike) -> Array:
-    """Limits as rows, none beyond those that stand for none."""
-    return np.asarray(np.clip(np.array(values), -UNLIMITED, UNLIMITED))
+    etree.SubElement(owner, "origin", xyz=text_of(placement.translation), rpy=text_of(angles))
 
 
 def _free(name: str, taken: set[str]) -> str:
@@ -238,8 +229,3 @@ def _printable(name: str) -> str:
         return name
     problem = f"the name {name!r} has characters that are not printed"
     raise ModelError("model", problem, "names of letters, digits and _")
-
-
-def _text(values: npt.ArrayLike) -> str:
-    """Numbers as the text of an attribute, with all digits."""
-    return " ".join(map(repr, np.ravel(values).tolist()))
