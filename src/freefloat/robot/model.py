@@ -177,7 +177,7 @@ class FreeFloatingModel:
             >>> import pinocchio as pin
             >>> robot = ff.FreeFloatingModel.from_urdf("ets_vii")
             >>> ff.FreeFloatingModel.from_pinocchio(robot.pin_model, robot.end_effector).dof
-            7
+            6
         """
         description = described(model, end_effector, geometry)
         return cls(description, end_effector, {}, base=description.base)
