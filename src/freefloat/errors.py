@@ -196,11 +196,17 @@ def member(key: str, kind: type[_Words], value: str) -> _Words:
 
 
 def number_array(key: str, values: npt.ArrayLike, accepted: str) -> npt.NDArray[np.float64]:
-    """The values as a new array of floats; an InputError for words, complex numbers and dates."""
+    """The values as a new array of floats; an InputError for words, complex numbers and dates.
+
+    A quaternion of Pinocchio (``pin.Quaternion``) is its coefficients x, y, z, w.
+    """
     import numpy as np
 
     try:
-        if np.asarray(values).dtype.kind in "biufO":
+        array = np.asarray(values)
+        if array.dtype.kind == "O" and all(hasattr(entry, "coeffs") for entry in array.flat):
+            return np.array([entry.coeffs() for entry in array.flat]).reshape(*array.shape, 4)
+        if array.dtype.kind in "biufO":
             return np.array(values, dtype=float)
     except (TypeError, ValueError, OverflowError):
         pass

@@ -60,6 +60,21 @@ class Pose:
         object.__setattr__(self, "position", frozen(self.position))
         object.__setattr__(self, "rotation", frozen(self.rotation))
 
+    @classmethod
+    def of(cls, key: str, value: Any, accepted: str = "so3.Pose(position, rotation)") -> Pose:
+        """A pose as it is given, or one of Pinocchio (``pin.SE3``).
+
+        Raises:
+            InputError: Naming ``key``, for anything else.
+        """
+        if isinstance(value, cls):
+            return value
+        try:
+            return cls(value.translation, value.rotation)
+        except AttributeError:
+            problem = f"{type(value).__name__} was given"
+            raise InputError(key, problem, f"{accepted}, or a pin.SE3") from None
+
     def __repr__(self) -> str:
         position, quaternion = (np.round(x, 9) + 0.0 for x in (self.position, self.quaternion))
         return f"Pose(position={position.tolist()}, quaternion={quaternion.tolist()})"

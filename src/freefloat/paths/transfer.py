@@ -79,7 +79,7 @@ def transfer(
     Accelerations are zero at both ends; the rotation between them is the shortest one.
 
     Args:
-        start: First pose in the frame of the path.
+        start: First pose in the frame of the path; also as a ``pin.SE3``.
         twist: Twist there [m/s; rad/s], inertial axes, shape (6,).
         end: Last pose.
         duration: Duration [s].
@@ -92,6 +92,7 @@ def transfer(
         >>> path.twist(0.0)
         array([0.01, 0.  , 0.  , 0.  , 0.  , 0.02])
     """
+    start, end = Pose.of("start", start), Pose.of("end", end)
     v, still = duration * np.asarray(twist, dtype=float), np.zeros(3)
     turn = Rotation.from_matrix(start.rotation.T @ end.rotation).as_rotvec()
     curve = PolynomialCurve(quintic(start.position, v[:3], end.position, still))

@@ -20,7 +20,7 @@ from freefloat.robot.not_read import shown_tag
 from freefloat.robot.parts import Attachment, Mount, Payload, Spacecraft
 from freefloat.robot.source import RobotSource
 from freefloat.robot.urdf import MOMENTS, decode, rename_meshes, revised
-from freefloat.robot.urdf_numbers import MAGNITUDE
+from freefloat.robot.urdf_numbers import MAGNITUDE, text_of
 from freefloat.robot.urdf_text import Element
 from freefloat.robot.urdf_versions import require_version
 from freefloat.robot.validation import part_warnings, read_urdf
@@ -236,7 +236,7 @@ def _add_body(robot: Element, name: str, body: Spacecraft | Payload, centre: Arr
             shape = etree.SubElement(link, tag)
             _set_origin(etree.SubElement(shape, "origin"), Mount(centre))
             geometry = etree.SubElement(shape, "geometry")
-            etree.SubElement(geometry, "box", size=_text(body.size))
+            etree.SubElement(geometry, "box", size=text_of(body.size))
         elif body.mesh is not None:
             geometry = etree.SubElement(etree.SubElement(link, tag), "geometry")
             etree.SubElement(geometry, "mesh", filename=str(body.mesh))
@@ -251,8 +251,8 @@ def _fix(robot: Element, parent: str, child: str, name: str, mount: Mount) -> No
 
 
 def _set_origin(origin: Element, mount: Mount) -> None:
-    origin.set("xyz", _text(mount.xyz))
-    origin.set("rpy", _text(mount.rpy))
+    origin.set("xyz", text_of(mount.xyz))
+    origin.set("rpy", text_of(mount.rpy))
 
 
 def _names(robot: Element) -> set[str]:
@@ -265,7 +265,3 @@ def _free_name(robot: Element, name: str, other: Element = None) -> str:
     taken = _names(robot) | (set() if other is None else _names(other))
     numbered = (f"{name}_{number}" for number in itertools.count(2))
     return next(free for free in itertools.chain([name], numbered) if free not in taken)
-
-
-def _text(values: Array) -> str:
-    return " ".join(map(repr, values.tolist()))

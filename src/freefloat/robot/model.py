@@ -21,6 +21,7 @@ from freefloat.robot.description import Joint, RobotDescription, UrdfDiagnostic
 from freefloat.robot.joint_values import configuration_vector
 from freefloat.robot.not_read import NotRead
 from freefloat.robot.parts import Attachment, Payload, Spacecraft
+from freefloat.robot.pinocchio_model import described
 from freefloat.robot.rigid_bodies import (
     Body,
     ThreadData,
@@ -147,6 +148,39 @@ class FreeFloatingModel:
         fixed, further = dict(fixed_joints or {}), dict(arms or {})
         base = description.base if base is None else member("base", Base, base)
         return cls(description, end_effector, fixed, further, base=base)
+
+    @classmethod
+    def from_pinocchio(
+        cls, model: pin.Model, end_effector: str, *, geometry: Any = None
+    ) -> FreeFloatingModel:
+        """Take over a robot from Pinocchio; its model is read, and not kept.
+
+        What a free-flyer or planar root joint moves is the spacecraft, on a table if the joint is
+        planar; without such a joint it is what is fixed to the universe. Only what the root carries
+        is taken over. Revolute and prismatic joints to the end-effector move, in Pinocchio's order;
+        all others are fixed at neutral. Bodies and frames become links; the mass of all bodies that
+        one joint moves is in the first of them.
+
+        Args:
+            model: Pinocchio's model, also one with joints that were fixed by ``buildReducedModel``.
+            end_effector: Frame that follows the path; of several with the name, the body.
+            geometry: A ``pin.GeometryModel`` for collision and pictures, or a pair of them: for
+                collision, for pictures. Collision pairs of theirs are not used.
+
+        Raises:
+            InputError: If an argument has another type.
+            ModelError: If there is no such frame or no spacecraft, a joint on the way to the frame
+                is neither revolute nor prismatic, or a shape is neither a mesh with a file nor a
+                box, sphere, cylinder or capsule.
+
+        Example:
+            >>> import pinocchio as pin
+            >>> robot = ff.FreeFloatingModel.from_urdf("ets_vii")
+            >>> ff.FreeFloatingModel.from_pinocchio(robot.pin_model, robot.end_effector).dof
+            6
+        """
+        description = described(model, end_effector, geometry)
+        return cls(description, end_effector, {}, base=description.base)
 
     def scaled(self, scale_mass: float | Mapping[str, float]) -> FreeFloatingModel:
         """The robot with a factor on every mass and inertia, or on those of named links."""

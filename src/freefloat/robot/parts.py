@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+import pinocchio as pin
 
 from freefloat.errors import InputError, finite_number, finite_vector, number_array, require_type
 from freefloat.robot.bundled import is_file
@@ -45,6 +46,14 @@ class Mount:
             values = finite_vector(f"mount.{name}", getattr(self, name), 3)
             object.__setattr__(self, name, frozen(values))
 
+    @classmethod
+    def of(cls, key: str, value: Any) -> Mount:
+        """A mount as it is given, or the one of a pose."""
+        if isinstance(value, cls):
+            return value
+        pose = Pose.of(key, value, _MOUNT)
+        return cls(pose.position, pin.rpy.matrixToRpy(pose.rotation))
+
     @property
     def pose(self) -> Pose:
         """The root link's frame in the carrier's frame."""
@@ -60,7 +69,7 @@ class Spacecraft:
         inertia: Inertia about its centre of mass, axes of its frame [kg m²]: principal moments,
             shape (3,), the six moments ixx, ixy, ixz, iyy, iyz, izz, or a matrix; kept as a matrix,
             (3, 3).
-        mount: Pose of the arm's root link.
+        mount: Pose of the arm's root link; also as a ``pin.SE3``.
         size: Edges of a box centred on its frame's origin [m], shape (3,).
         mesh: A mesh file in metres, in its frame. With neither size nor mesh it has no shape.
         com: Centre of mass in its frame [m], shape (3,).
@@ -84,7 +93,7 @@ class Spacecraft:
     com: Array = field(default_factory=zeros)
 
     def __post_init__(self) -> None:
-        require_type("spacecraft.mount", self.mount, Mount, _MOUNT)
+        object.__setattr__(self, "mount", Mount.of("spacecraft.mount", self.mount))
         _check_body("spacecraft", self)
 
 
@@ -131,7 +140,7 @@ class Attachment:
         urdf: A file, XML text or a source.
         link: The link, or the joint that moves it, that carries its root link; None for the
             spacecraft.
-        mount: Pose of its root link.
+        mount: Pose of its root link; also as a ``pin.SE3``.
         prefix: Put before the names of its links and joints.
     """
 
@@ -142,7 +151,7 @@ class Attachment:
 
     def __post_init__(self) -> None:
         RobotSource.of(self.urdf)
-        require_type("attachment.mount", self.mount, Mount, _MOUNT)
+        object.__setattr__(self, "mount", Mount.of("attachment.mount", self.mount))
 
 
 def _check_body(name: str, body: Spacecraft | Payload) -> None:

@@ -242,7 +242,7 @@ def body_of(model: Any, index: int, joint: Joint | None) -> Body:
     return Body(
         joint=model.names[index],
         parent=int(model.parents[index]) - 1,
-        placement=pose_of(model.jointPlacements[index]),
+        placement=Pose.of("placement", model.jointPlacements[index]),
         axis=frozen(np.zeros(3) if joint is None else joint.axis / np.linalg.norm(joint.axis)),
         prismatic=joint is not None and joint.type == "prismatic",
         lower=lower,
@@ -260,8 +260,3 @@ def body_of(model: Any, index: int, joint: Joint | None) -> Body:
 def se3_of(pose: Pose) -> Any:
     """A pose as Pinocchio's."""
     return pin.SE3(pose.rotation, pose.position)
-
-
-def pose_of(placement: Any) -> Pose:
-    """The pose of one of Pinocchio's placements."""
-    return Pose(placement.translation, placement.rotation)

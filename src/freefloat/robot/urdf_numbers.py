@@ -7,6 +7,7 @@ import re
 from collections.abc import Sequence
 
 import numpy as np
+import numpy.typing as npt
 
 from freefloat.robot.description import Severity, UrdfDiagnostic
 from freefloat.robot.urdf_text import Element
@@ -59,6 +60,11 @@ class AttributeReader:
         name = f"{owner.tag} {owner.get('name', '')}".strip()
         line = element.sourceline
         self.diagnostics.append(UrdfDiagnostic(severity, self._source, line, name, problem, remedy))
+
+
+def text_of(values: npt.ArrayLike) -> str:
+    """Numbers as the text of an attribute, with all digits."""
+    return " ".join(map(repr, np.ravel(values).tolist()))
 
 
 def are_numbers(words: Sequence[str]) -> bool:

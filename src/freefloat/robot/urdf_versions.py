@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 
 from freefloat.robot.description import Severity
-from freefloat.robot.urdf_numbers import ROUNDED, AttributeReader
+from freefloat.robot.urdf_numbers import ROUNDED, AttributeReader, text_of
 from freefloat.robot.urdf_text import Element
 
 _VERSIONS = ("1.0", "1.1", "1.2")
@@ -66,4 +66,4 @@ def _write_angles(origin: Element, reader: AttributeReader) -> None:
         shown = " ".join(f"{value:.9g}" for value in unit + 0.0)
         reader.report(Severity.WARNING, origin, problem, f'quat_xyzw="{shown}"')
     angles = pin.rpy.matrixToRpy(pin.Quaternion(unit).matrix())
-    origin.set("rpy", " ".join(map(repr, angles.tolist())))
+    origin.set("rpy", text_of(angles))

@@ -30,7 +30,7 @@ class Goal:
     """What shall hold at the end of a motion; the joints rest there, unless their rates are given.
 
     Attributes:
-        pose: Pose of the end-effector; None where it is free.
+        pose: Pose of the end-effector, also as a ``pin.SE3``; None where it is free.
         attitude: Attitude of the spacecraft, unit quaternion x, y, z, w; None where it is free.
         joints: Joint values [rad or m], shape (n,); None where they are free.
         frame: Frame of the pose: ``"inertial"``, that of the manoeuvre; where the motion begins,
@@ -56,7 +56,8 @@ class Goal:
     joint_rates: Joints | None = None
 
     def __post_init__(self) -> None:
-        require_type("goal.pose", self.pose, Pose | None, "so3.Pose(position, rotation)")
+        if self.pose is not None:
+            object.__setattr__(self, "pose", Pose.of("goal.pose", self.pose))
         require_type("goal.pose.frame", self.frame, str, ", ".join(FRAMES) + ", or a body")
         if self.attitude is not None:
             attitude = frozen(unit_quaternion("goal.attitude", self.attitude))
