@@ -23,10 +23,10 @@ GOALS = {
 }  # fmt: skip
 """Lines of the folders of ``src/freefloat``."""
 RECORDS = {
-    MODULES: 1_580, "robot": 4_550, "paths": 1_760, "dynamics": 2_910, "ik": 2_050,
-    "motion": 2_690, "certificate": 690, "limits": 2_500, "ensemble": 2_730,
-    "regions": 870, "planning": 8_890, "verification": 1_540, "io": 3_970,
-    "visualization": 5_040, "studies": 5_070, "cli": 3_230,
+    MODULES: 1_620, "robot": 4_560, "paths": 1_780, "dynamics": 2_940, "ik": 2_080,
+    "motion": 2_720, "certificate": 700, "limits": 2_620, "ensemble": 2_740,
+    "regions": 880, "planning": 8_900, "verification": 1_560, "io": 4_000,
+    "visualization": 5_060, "studies": 5_080, "cli": 3_240,
 }  # fmt: skip
 """Lines of folders that are larger than their goals permit."""
 

@@ -41,7 +41,10 @@ def test_the_plan_of_the_mission_is_verified(script: dict[str, Any], folder: Pat
     """The script verifies it with MuJoCo."""
     plan = script["plan"]
     assert plan.feasible, plan.reason
-    assert {result.limit for result in plan.limit_results} == {kind.name for kind in KINDS}
+    assert {result.limit for result in plan.limit_results} == {kind.name for kind in KINDS} - {
+        "joint_acceleration",
+        "joint_jerk",
+    }
     assert all(result.kept for result in plan.limit_results)
     loaded = ff.load(folder / "plan.h5")
     assert ff.check(loaded).passed
