@@ -85,7 +85,9 @@ def searched_ranges(
         labels = {0: "elbow+", 1: "elbow-"}
     else:
         existing = np.flatnonzero(results.exist.any(axis=0)).tolist()
-        names = dict(enumerate(searched_labels(problem.model_at(), problem.task)))
+        names: dict[int, str] = {}
+        if _is_searched(problem):
+            names |= enumerate(searched_labels(problem.model_at(), problem.task))
         labels = {index: names.get(index, str(index)) for index in existing}
     if not labels:
         return ()
@@ -234,12 +236,17 @@ def _headings(
         changes += reach_limits(problem, 0.0)
     if problem.start_joints is not None and not problem.redundant:
         changes += branch_changes(problem, known)
-    elif not problem.redundant and closed_form(problem.model_at(), problem.task) is None:
+    elif not problem.redundant and _is_searched(problem):
         known = [*known, *_beside_changes(problem)]
     limits, near = np.array(changes), np.append(_NEAR_KNOWN, -_NEAR_KNOWN)
     near_known = np.add.outer(known[:given], near).ravel()
     added = [known, near_known, limits - _NEAR_REACH, limits + _NEAR_REACH]
     return np.unique(np.concatenate([headings, *added]) % tau)
+
+
+def _is_searched(problem: Problem) -> bool:
+    """Whether branches of one arm are searched for, and not found in closed form."""
+    return not problem.path.arms and closed_form(problem.model_at(), problem.task) is None
 
 
 def _beside_changes(problem: Problem) -> list[float]:
