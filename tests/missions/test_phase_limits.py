@@ -16,6 +16,8 @@ BODY = ff.SceneBody("client", ff.Sphere(0.1), position=[2.5, 1.2, 0.0])
 AROUND = ff.Corridor([0.0, 0.0, 0.0], [0.0, 0.0, 1.0], radius=5.0)
 LIMITS = ff.Limits(
     joint_rate=[0.5, 0.5],
+    joint_acceleration=[2.0, 2.0],
+    joint_jerk=[20.0, 20.0],
     joint_torque=[50.0, 50.0],
     base_rate=1.0,
     base_turn=3.0,

@@ -55,10 +55,10 @@ class Limits(AttitudeLimits):
 
     joint_rate: Array | None = None
     joint_torque: Array | None = None
-    joint_acceleration: Array | None = None
-    joint_jerk: Array | None = None
     base_rate: float | None = None
     clearance: float | Literal["off"] | None = None
+    joint_acceleration: Array | None = None
+    joint_jerk: Array | None = None
 
     def __post_init__(self) -> None:
         for kind in GIVEN:
