@@ -204,7 +204,11 @@ def number_array(key: str, values: npt.ArrayLike, accepted: str) -> npt.NDArray[
 
     try:
         array = np.asarray(values)
-        if array.dtype.kind == "O" and all(hasattr(entry, "coeffs") for entry in array.flat):
+        if (
+            array.dtype.kind == "O"
+            and array.size
+            and all(hasattr(entry, "coeffs") for entry in array.flat)
+        ):
             return np.array([entry.coeffs() for entry in array.flat]).reshape(*array.shape, 4)
         if array.dtype.kind in "biufO":
             return np.array(values, dtype=float)

@@ -18,6 +18,7 @@ from freefloat.dynamics.virtual_manipulator import first_moment
 from freefloat.ik.branches import ClosedForm, closed_form
 from freefloat.ik.chain import Chain
 from freefloat.ik.newton import CONVERGED, Newton
+from freefloat.robot.base import HORIZONTAL
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array, IntArray
 
@@ -49,7 +50,7 @@ class Arm:
         moment = first_moment(self.model)
         positions, *_ = moment.kinematics(q.T)
         moved = np.asarray((positions - moment.pose(np.zeros(self.model.dof)).position).T)
-        return moved * [[1.0], [1.0], [0.0]] if self.model.on_table else moved
+        return moved * HORIZONTAL[:, None] if self.model.on_table else moved
 
     @cached_property
     def mean_displacement(self) -> Array:

@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from freefloat.dynamics.inverse_dynamics import Forces
 from freefloat.motion.extrema import Extremum, Function, at_nodes, maximum
 from freefloat.motion.law import Rates
 from freefloat.motion.motion import Ending, Motion
@@ -62,12 +63,13 @@ def rates_along(motion: Motion) -> Callable[[IntArray, Array], Rates]:
     return lambda panel, x: law.rates(*motion.at(panel, x), motion.timing_segment(panel))
 
 
+def efforts_along(motion: Motion) -> Callable[[IntArray, Array], Forces]:
+    """Rates, accelerations and forces along a motion, by panels and their parameters."""
+    law = motion.law
+    return lambda panel, x: law.effort(*motion.at(panel, x), motion.timing_segment(panel))
+
+
 def accelerations_along(motion: Motion) -> Function:
     """The joint accelerations along a motion, shape (K, n)."""
-    law = motion.law
-
-    def accelerations(panel: IntArray, x: Array) -> Array:
-        effort = law.effort(*motion.at(panel, x), motion.timing_segment(panel))
-        return np.asarray(effort.accelerations[:, 6:])
-
-    return accelerations
+    efforts = efforts_along(motion)
+    return lambda panel, x: np.asarray(efforts(panel, x).accelerations[:, 6:])

@@ -4,6 +4,11 @@ from __future__ import annotations
 
 from enum import StrEnum
 
+from freefloat.so3 import frozen
+
+HORIZONTAL = frozen([1.0, 1.0, 0.0])
+"""Factors of coordinates that leave what a table does not carry."""
+
 
 class Base(StrEnum):
     """Motions of the spacecraft that no force prevents.

@@ -22,13 +22,11 @@ from freefloat.dynamics.momentum import (
 )
 from freefloat.dynamics.system import System
 from freefloat.errors import InputError, finite_vector, require_type
+from freefloat.robot.base import HORIZONTAL
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.parts import Mount, Payload
 from freefloat.rotations import rotation_matrix
 from freefloat.so3 import Array, frozen, unit_quaternion, zeros
-
-_LEVEL = np.array([1.0, 1.0, 0.0])
-"""Factors of coordinates that leave the horizontal ones."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -192,7 +190,7 @@ def capture(
     D = R @ conserved_inertias(new, q)[0] @ R.T
     moments = np.linalg.eigvalsh(D)
     if model.on_table:  # which carries the rest
-        H, centre, common = H * [0.0, 0.0, 1.0], centre * _LEVEL, common * _LEVEL
+        H, centre, common = H * [0.0, 0.0, 1.0], centre * HORIZONTAL, common * HORIZONTAL
         moments = D[2:, 2]
     size, wheels = float(np.linalg.norm(H)), float(np.linalg.norm(system.wheels))
     locked = np.linalg.solve(D, H - R @ system.wheels)

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from freefloat.limits.extremes import efforts_along
 from freefloat.limits.joint_limit import MagnitudeLimit
 from freefloat.limits.result import LimitResult
 from freefloat.limits.values import PerJoint
@@ -43,10 +44,10 @@ class JointTorqueLimit(MagnitudeLimit):
 
 def _forces(motion: Motion) -> Function:
     """Joint torques, then the wrench on the base, along a motion, shape (K, n + 6)."""
-    law = motion.law
+    efforts = efforts_along(motion)
 
     def forces(panel: IntArray, x: Array) -> Array:
-        effort = law.effort(*motion.at(panel, x), motion.timing_segment(panel))
+        effort = efforts(panel, x)
         return np.concatenate([effort.joint_torques, effort.base_wrench], axis=1)
 
     return forces

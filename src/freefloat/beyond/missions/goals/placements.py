@@ -12,11 +12,9 @@ from freefloat.dynamics.kernels.robot import Robot
 from freefloat.dynamics.link_frames import frames_at_zero, joints_at_zero, link_frames
 from freefloat.dynamics.robot_arrays import kernel_robot
 from freefloat.dynamics.tasks import Task
+from freefloat.robot.base import HORIZONTAL
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array, BoolArray, IntArray
-
-_LEVEL = np.array([1.0, 1.0, 0.0])
-"""Factors of coordinates that leave the horizontal ones."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +72,7 @@ class Placements(NamedTuple):
         moved = np.where(arm.prismatic[:, None], axes, np.cross(axes, centres[:, None] - points))
         rates = (moved - P / arm.mass).swapaxes(1, 2)
         if arm.robot.on_table:  # origins are at the height of the spacecraft
-            centres, rates = centres * _LEVEL, rates * _LEVEL[:, None]
+            centres, rates = centres * HORIZONTAL, rates * HORIZONTAL[:, None]
         origins = points + (turned @ arm.origins[..., None])[..., 0]
         first = np.broadcast_to(np.eye(3), (len(joints), 1, 3, 3))
         return cls(
