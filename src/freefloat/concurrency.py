@@ -1,4 +1,4 @@
-"""Resources of this machine: chunks of a computation on several threads, available memory."""
+"""Resources of this machine: chunks of a computation on several threads, memory."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def available_cores() -> int:
 
 
 def require_memory(key: str, count: int, size: int, limit: float = 4e9) -> None:
-    """Raise an InputError if a request needs more than a limit or half of the available memory.
+    """Raise an InputError if a request needs more than a limit or a quarter of the memory.
 
     Args:
         key: The argument that asks for items.
@@ -41,9 +41,8 @@ def require_memory(key: str, count: int, size: int, limit: float = 4e9) -> None:
         size: Estimated memory of an item [bytes].
         limit: Largest memory of all items [bytes].
     """
-    import psutil
-
-    usable = min(psutil.virtual_memory().available / 2.0, limit)
+    installed = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    usable = min(installed / 4.0, limit)
     most = int(usable // size)
     if count > most:
         amounts = min(count, 10**30) * size, usable

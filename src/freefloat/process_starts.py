@@ -1,4 +1,4 @@
-"""Ctrl-C, and modules in the current folder, while processes start."""
+"""Environment of started processes, and Ctrl-C while they start."""
 
 from __future__ import annotations
 
@@ -9,25 +9,28 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from multiprocessing import resource_tracker
 
-_SAFE_PATH = "PYTHONSAFEPATH"
+_SETTINGS = {"PYTHONSAFEPATH": "1", "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
+"""Environment of started processes: ``python -c`` imports nothing from the current folder; threads
+of BLAS would wait for one another longer than small matrices take."""
 
 
 @contextmanager
 def isolated_starts() -> Iterator[None]:
-    """Start processes that import nothing from the current folder before this one's modules.
+    """Start processes that import nothing from the current folder and compute on one thread.
 
     They begin with ``python -c``, which would import a ``multiprocessing.py`` that lies there.
     """
-    before = os.environ.get(_SAFE_PATH)
-    os.environ[_SAFE_PATH] = "1"
+    before = {name: os.environ.get(name) for name in _SETTINGS}
+    os.environ.update(_SETTINGS)
     try:
         resource_tracker.ensure_running()
         yield
     finally:
-        if before is None:
-            os.environ.pop(_SAFE_PATH, None)
-        else:
-            os.environ[_SAFE_PATH] = before
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
 
 
 @contextmanager

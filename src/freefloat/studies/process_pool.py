@@ -14,8 +14,6 @@ from queue import SimpleQueue
 from threading import Thread
 from typing import TypeVar
 
-from threadpoolctl import threadpool_limits
-
 from freefloat.errors import InputError
 from freefloat.process_starts import interrupts_deferred, isolated_starts
 from freefloat.studies.portable import PortableStudy
@@ -154,7 +152,6 @@ def _pool(
 def _begin(lifeline: Connection, study: PortableStudy) -> None:
     """Begin a worker: one thread computes, another ends it with the process that started it."""
     Thread(target=_end_with, args=(lifeline,), daemon=True).start()
-    threadpool_limits(1)
     _studies.append(study)
 
 

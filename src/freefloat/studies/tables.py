@@ -8,7 +8,7 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
-from pydantic_core import to_json
+from pydantic import ConfigDict, TypeAdapter
 
 from freefloat.concurrency import Progress
 from freefloat.errors import MissingExtraError, require_extra
@@ -19,6 +19,7 @@ from freefloat.studies.rows import BLOCK, StudyRows
 
 _CASE = "case"
 """Name of the column of numbers in tables."""
+_NUMBERS = TypeAdapter(Any, config=ConfigDict(ser_json_inf_nan="constants"))
 _SPECIAL = re.compile('[,"\r\n]')
 """What a CSV cell has in quotes alone."""
 _Columns = Sequence[Sequence[Any]]
@@ -62,7 +63,7 @@ def _cells(values: Sequence[Any], kind: str) -> list[str]:
     if values.count(values[0]) == len(values) > 1:  # many columns are empty or constant
         return _cells(values[:1], kind) * len(values)
     if kind in (REAL, INTEGER):  # not by repr, which takes three times as long
-        return to_json(values)[1:-1].decode().replace("null", "").split(",")
+        return _NUMBERS.dump_json(values)[1:-1].decode().replace("null", "").split(",")
     cells = {value: _cell(value, kind) for value in set(values)}
     return [cells[value] for value in values]
 

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 import numpy.typing as npt
-from threadpoolctl import threadpool_limits
 
 from freefloat.beyond.missions.goals.certification import Certification
 from freefloat.beyond.missions.goals.clearances import Clearances
@@ -28,8 +26,6 @@ from freefloat.motion.motion import Motion
 from freefloat.scene.scene import Scene
 from freefloat.so3 import unit_quaternion
 
-_ONE_THREAD = partial(threadpool_limits, limits=1, user_api="blas")
-"""Context of searches: threads of BLAS wait for one another longer than small matrices take."""
 _FIRST = 0.5
 """Part of the progress that the search in a given duration is."""
 
@@ -91,8 +87,7 @@ def sketch(
     rates = replace(limits.without_turn, clearance=OFF, pointing=())
     query = _posed(system, state, goal, rates, scene)
     query.require_sense()
-    with _ONE_THREAD():
-        return _search(query, None).sketch(seed)
+    return _search(query, None).sketch(seed)
 
 
 def _posed(
@@ -135,16 +130,15 @@ def move_from(query: Query, *, seed: int = 0, progress: Progress | None = None) 
     if reason is not None:
         return replace(outcome, reason=reason)
     part = 1.0 if goal.duration is None else _FIRST
-    with _ONE_THREAD():
-        search = _search(query, step_of(progress, 0.0, part))
-        found = search.shortest(seed_number("seed", seed))
-        if found is not None:
-            return outcome.with_motion(found.motion, found.results)
-        longer: GoalMotion | None = None
-        if goal.duration is not None and query.limits.timed and not query.is_there:
-            free = replace(query, goal=replace(goal, duration=None))
-            longer = move_from(free, seed=seed, progress=step_of(progress, part, 1.0))
-        return why_not(outcome, search, seed, longer, query.goal_words)
+    search = _search(query, step_of(progress, 0.0, part))
+    found = search.shortest(seed_number("seed", seed))
+    if found is not None:
+        return outcome.with_motion(found.motion, found.results)
+    longer: GoalMotion | None = None
+    if goal.duration is not None and query.limits.timed and not query.is_there:
+        free = replace(query, goal=replace(goal, duration=None))
+        longer = move_from(free, seed=seed, progress=step_of(progress, part, 1.0))
+    return why_not(outcome, search, seed, longer, query.goal_words)
 
 
 def _search(query: Query, progress: Progress | None) -> GoalSearch:
