@@ -62,12 +62,19 @@ def with_table(text: str, table: str) -> str:
     return f"{before}{BEGIN}\n{table}\n{END}{rest.split(END)[1]}"
 
 
+def tables(computer: str, results: list[Result]) -> dict[str, str]:
+    """The tables of README and docs."""
+    return {
+        "README.md": markdown(computer, headlines(results), requirements=False),
+        "docs/benchmarks.md": markdown(computer, results),
+    }
+
+
 def write_tables(computer: str, results: list[Result]) -> None:
     """Write the tables of README and docs."""
-    files = {"README.md": headlines(results), "docs/benchmarks.md": results}
-    for name, rows in files.items():
+    for name, content in tables(computer, results).items():
         file = ROOT / name
-        file.write_text(with_table(file.read_text("utf-8"), markdown(computer, rows)), "utf-8")
+        file.write_text(with_table(file.read_text("utf-8"), content), "utf-8")
 
 
 def main(options: list[str] | None = None) -> int:

@@ -104,8 +104,8 @@ def ratio_text(ratio: float | None) -> str:
     return f"{rounded:.0f} ×" if rounded >= 10.0 else f"{rounded:.1f} ×"
 
 
-def markdown(computer: str, results: Sequence[Result]) -> str:
-    """Table in Markdown; a requirement that is missed is in bold beside the ratio."""
+def markdown(computer: str, results: Sequence[Result], requirements: bool = True) -> str:
+    """Table in Markdown; with requirements, one that is missed is in bold beside the ratio."""
     lines = [
         f"| on {computer} | time | compared with | its time | ratio |",
         "|---|---|---|---|---|",
@@ -115,7 +115,7 @@ def markdown(computer: str, results: Sequence[Result]) -> str:
         baseline = "" if result.baseline is None else duration_text(result.baseline)
         ratio = ratio_text(result.ratio)
         seconds = duration_text(result.seconds)
-        if not result.met:
+        if requirements and not result.met:
             exact = "" if result.ratio is None else f"{result.ratio:.3g} × "
             ratio = f"{exact}**({result.required} required)**"
         lines.append(f"| {what} | {seconds} | {result.against} | {baseline} | {ratio} |")

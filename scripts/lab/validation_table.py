@@ -1,4 +1,4 @@
-"""Run the tests in tests/validation and print, or write into README and docs, their deviations.
+"""Run the tests in tests/validation and print, or write into docs, their deviations.
 
 Usage: python scripts/lab/validation_table.py [--write]
 
@@ -24,7 +24,7 @@ def write(file: Path, table: list[str]) -> None:
 
 def main() -> int:
     sys.path.insert(0, str(ROOT))
-    from tests.validation.comparisons import COMPARISONS, HEADLINES, WORST, lines
+    from tests.validation.comparisons import COMPARISONS, WORST, lines
 
     names = [f"tests/validation/{row.file}.py::{row.test}" for row in COMPARISONS]
     failed = pytest.main(["-q", "--no-header", "--rootdir", str(ROOT), *names])
@@ -33,8 +33,7 @@ def main() -> int:
     deviations = {name: f"{worst:.1e}" for name, worst in WORST.items()}
     print("\n".join(lines(deviations)))
     if "--write" in sys.argv[1:]:
-        write(ROOT / "README.md", lines(deviations, rows=HEADLINES))
-        write(ROOT / "docs" / "validation.md", lines(deviations, "../"))
+        write(ROOT / "docs" / "validation.md", lines(deviations))
     return 0
 
 

@@ -21,10 +21,12 @@ from freefloat.cli.options import file_names, robot_names, scenario_names, study
 from tests.commands import error, run, without_progress
 
 PROGRAM = [sys.executable, "-m", "freefloat"]
-COMMANDS = (
-    *("models", "info", "workspace", "singularities", "simulate", "plan"),
-    *("map", "view", "studio", "check", "export", "assemble", "batch", "schema"),
-)
+GROUPS = {
+    "Plan": ["plan", "simulate", "map", "batch"],
+    "Look": ["view", "studio"],
+    "Robot": ["info", "models", "assemble", "workspace", "singularities"],
+    "Files": ["check", "export", "schema"],
+}
 SIMULATE = ("simulate", "planar_3dof/parabola_nonstop", "--heading", "200")
 
 
@@ -39,9 +41,10 @@ def test_the_version_is_the_one_installed() -> None:
     assert run("--version").stdout == f"freefloat {version('freefloat')}\n"
 
 
-def test_the_help_lists_every_command_and_the_exit_codes() -> None:
+def test_the_help_lists_commands_in_four_groups_and_the_exit_codes() -> None:
     text = run("--help").stdout
-    assert tuple(re.findall(r"│ (\w+)  ", text)) == COMMANDS
+    groups = re.findall(r"^╭─ (\w+) ─+╮\n(.*?)^╰", text, re.MULTILINE | re.DOTALL)
+    assert {name: re.findall(r"│ (\w+)  ", rows) for name, rows in groups[1:]} == GROUPS
     assert "--debug" in text
     assert "Exit codes" in text
 

@@ -1,8 +1,7 @@
-"""Comparisons and their tolerances: the tables of validation in README and docs."""
+"""Comparisons and their tolerances: the table of validation in docs."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 
 
@@ -84,16 +83,6 @@ COMPARISONS = tuple(Comparison(*row) for row in (
 ))  # fmt: skip
 """All rows, in the table's order."""
 
-HEADLINES = tuple(row for row in COMPARISONS if row.test in (
-    "test_example_2_becomes_singular_at_c_from_the_bad_attitude",
-    "test_example_2_becomes_singular_at_c_with_b_in_its_plane",
-    "test_published_ranges_of_example_1",
-    "test_spart_finds_the_same_generalized_jacobian",
-    "test_a_plain_integration_agrees",
-    "test_servos_lead_to_the_same_attitude",
-))  # fmt: skip
-"""The rows that README shows."""
-
 WORST: dict[str, float] = {}
 """Largest deviations seen since the start, by test."""
 
@@ -105,16 +94,8 @@ def assert_agrees(test: str, deviation: float) -> None:
     assert deviation <= row.allowed, f"{row.what}: off by {deviation:.3g}, allowed {row.allowed:g}"
 
 
-def lines(
-    deviations: dict[str, str], root: str = "", rows: Iterable[Comparison] = COMPARISONS
-) -> list[str]:
-    """Table in Markdown.
-
-    Args:
-        deviations: Largest deviation as text, by test.
-        root: Relative path from the document to the repository, such as ``../``.
-        rows: Comparisons of the table.
-    """
+def lines(deviations: dict[str, str]) -> list[str]:
+    """Table of a page of the docs in Markdown, of largest deviations as text by test."""
     head = [
         "| result | compared with | largest deviation | tolerance | test |",
         "|---|---|---|---|---|",
@@ -122,6 +103,6 @@ def lines(
     return head + [
         f"| {row.what.replace('*', chr(92) + '*')} | {row.against} |"
         f" {deviations[row.test]} {row.unit} |"
-        f" {row.allowed:g} | [{row.file}]({root}tests/validation/{row.file}.py) |"
-        for row in rows
+        f" {row.allowed:g} | [{row.file}](../tests/validation/{row.file}.py) |"
+        for row in COMPARISONS
     ]

@@ -98,13 +98,17 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-_COMMANDS = (
-    models, info, workspace, named("beyond.joint_space.command:singularities"),
-    simulate, plan, map_, view, named("beyond.studio.command:studio"),
-    check, export, assemble, batch, schema,
-)  # fmt: skip
-for _command in _COMMANDS:
-    app.command(_command.__name__.rstrip("_"), cls=ListCommand)(_command)
+_GROUPS = {
+    "Plan": (plan, simulate, map_, batch),
+    "Look": (view, named("beyond.studio.command:studio")),
+    "Robot": (info, models, assemble, workspace, named("beyond.joint_space.command:singularities")),
+    "Files": (check, export, schema),
+}
+for _group, _commands in _GROUPS.items():
+    for _command in _commands:
+        app.command(
+            _command.__name__.rstrip("_"), cls=ListCommand, rich_help_panel=_group
+        )(_command)  # fmt: skip
 
 
 @app.callback(invoke_without_command=True)

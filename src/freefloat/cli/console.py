@@ -6,7 +6,7 @@ import json
 import math
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from threading import Event, Thread, Timer
@@ -263,8 +263,8 @@ def present_lines(problem: Problem, attitude: Array | None, joints: Any) -> Iter
         yield f"The path begins {distance:.4g} m{turned} from the end-effector's present pose."
 
 
-def motion_lines(chosen: SimulatedBranch) -> Iterator[str]:
-    """Lines on a motion: closest approach, first and last state, residuals."""
+def motion_lines(chosen: SimulatedBranch, verbose: bool = True) -> Iterator[str]:
+    """Lines on a motion: closest approach and first state; ``verbose``: last state, residuals."""
     from freefloat.dynamics.measures import measure_title
     from freefloat.motion.singularity import singular_event
 
@@ -272,22 +272,24 @@ def motion_lines(chosen: SimulatedBranch) -> Iterator[str]:
     problem, initial, final = motion.problem, motion.initial, motion.final
     start = f"from joints {decimals(initial.joints, 3)}"
     name = start if problem.redundant else f"of branch {chosen.branch.index}"
-    yield f"Motion {name}: {motion.outcome}"
     verdict = "keeps" if chosen.feasible else "violates"
     yield (
-        f"  minimum margin |{measure_title(closest.measure)}| {chosen.minimum_margin:.6g} "
-        f"at t = {closest.time:.4f} s, {verdict} the margin {problem.margin.threshold:g}"
+        f"Motion {name}: {motion.outcome} Minimum margin |{measure_title(closest.measure)}| "
+        f"{chosen.minimum_margin:.6g} at t = {closest.time:.3f} s, {verdict} the margin "
+        f"{problem.margin.threshold:g}."
     )
     yield f"  initial attitude x y z w  {attitude_text(initial.attitude)}"
     yield f"  initial joints            {decimals(initial.joints)}"
-    yield f"  final attitude   x y z w  {attitude_text(final.attitude)}, t = {final.time:.4f} s"
-    yield f"  final joints              {decimals(final.joints)}"
     if (event := singular_event(motion)) is not None:
         place = ", ".join(f"{x:.4f}" for x in event.end_effector)
         yield (
             f"  singular at t = {event.time:.4f} s, s = {event.s:.4f}, end-effector at ({place}) m"
         )
         yield f"  kind of singularity: {event.kind.description}"
+    if not verbose:
+        return
+    yield f"  final attitude   x y z w  {attitude_text(final.attitude)}, t = {final.time:.4f} s"
+    yield f"  final joints              {decimals(final.joints)}"
     residuals = motion.residuals()
     angle = residuals.end_effector_orientation
     yield (
@@ -295,6 +297,23 @@ def motion_lines(chosen: SimulatedBranch) -> Iterator[str]:
         + (f" and {angle:.1e} rad" if angle is not None else "")
         + f", momentum {residuals.momentum:.1e} N m s"
     )
+
+
+def limit_lines(results: Sequence[LimitResult]) -> Iterator[RenderableType]:
+    """A line for each violated limit, the limits that are kept, and what was not checked."""
+    kept = []
+    for result in results:
+        if result.kept:
+            kept.append(result.label)
+            continue
+        worst = f"{result.shown(result.worst, 5)} {result.shown_unit}".rstrip()
+        yield Text(
+            f"  limit violated: {result.label} {worst}, allowed {result.shown_bound}, "
+            f"at t = {result.time:.4f} s, {result.where}", "red",
+        )  # fmt: skip
+    if kept:
+        yield f"  limits kept: {', '.join(kept)}"
+    yield from (f"  not checked: {note}" for result in results for note in result.notes)
 
 
 def limit_tables(results: Iterable[LimitResult]) -> Iterator[RenderableType]:

@@ -16,6 +16,7 @@ from freefloat.cli.console import (
     NEGATIVE,
     Console,
     contact_lines,
+    limit_lines,
     limit_tables,
     motion_lines,
     present_lines,
@@ -36,8 +37,12 @@ _Stretch = Annotated[
 ]
 _Verbose = Annotated[
     bool,
-    typer.Option("--verbose", "-v", help="Print states and limits of each phase of a manoeuvre."),
+    typer.Option(
+        "--verbose", "-v", help="Print every range, phase and limit, states and residuals."
+    ),
 ]
+_FEW_BRANCHES = 4
+"""Most arm branches whose ranges are all shown."""
 
 
 def plan(
@@ -78,24 +83,20 @@ def plan(
     raise typer.Exit(DONE if result.feasible else NEGATIVE)
 
 
-def plan_tables(name: str, plan: Plan, _: bool) -> Iterator[RenderableType]:
-    """The feasible attitudes, the chosen one, its tolerances, motion and limits."""
+def plan_tables(name: str, plan: Plan, verbose: bool) -> Iterator[RenderableType]:
+    """The feasible attitudes, the chosen one, its tolerances, motion and limits.
+
+    Args:
+        name: Name of the scenario.
+        plan: The plan.
+        verbose: Whether every range, segment and touch point, the last state, residuals and a table
+            of the limits are shown, too.
+    """
     other = "other " if _limits_attitude(plan) else ""
     scope = f" ({other}limits not considered)" if plan.limit_results else ""
     if plan.map is None:
-        yield f"{name}: feasible initial headings{plan.problem.plane.about}{scope}"
-        ranges = table("branch", "ranges [deg]")
-        for entry in plan.ranges:
-            number = f"{entry.branch} {short_label(entry.label)}"
-            number = ANY if plan.problem.redundant else number
-            ranges.add_row(number, _ranges(entry))
-        if plan.ranges:
-            yield ranges
-            if plan.problem.redundant and plan.problem.start_joints is None:
-                yield (
-                    "The arm is redundant: a range holds for starting configurations that are "
-                    "followed from heading to heading; those that simulate tries may all fail."
-                )
+        yield f"{name}: feasible initial headings [deg]{plan.problem.plane.about}{scope}"
+        yield from _range_lines(plan, verbose)
     else:
         feasible = plan.map.feasible_percentage
         yield f"{name}: {feasible} of {plan.map.samples:,} initial attitudes are feasible{scope}"
@@ -112,12 +113,31 @@ def plan_tables(name: str, plan: Plan, _: bool) -> Iterator[RenderableType]:
         else:
             violation = plan.violation or "infeasible"
             yield Text(f"Nearest to keeping the limits: {heading}{violation}.", "yellow")
-        yield from (f"  {line}" for line in _chosen_lines(plan))
-    yield from _segment_lines(plan)
+        yield from _chosen_lines(plan, verbose)
+    yield from _segment_lines(plan) if verbose else _touch_lines(plan)
     if plan.chosen is not None:
-        yield from motion_lines(plan.chosen)
-    yield from limit_tables(plan.limit_results)
+        yield from motion_lines(plan.chosen, verbose)
+    yield from limit_tables(plan.limit_results) if verbose else limit_lines(plan.limit_results)
     yield from contact_lines(plan)
+    if not verbose:
+        yield Text("All ranges, states, limits and residuals: --verbose.", "dim")
+
+
+def _range_lines(plan: Plan, verbose: bool) -> Iterator[str]:
+    """A line for each arm branch; of many branches the chosen one alone, unless ``verbose``."""
+    redundant, ranges = plan.problem.redundant, plan.ranges
+    if len(ranges) > _FEW_BRANCHES and plan.chosen is not None and not verbose:
+        ranges = tuple(entry for entry in ranges if entry.branch == plan.chosen.branch.index)
+    for entry in ranges:
+        number = ANY if redundant else f"{entry.branch} {short_label(entry.label)}"
+        yield f"  {number}: {_ranges(entry)}"
+    if more := len(plan.ranges) - len(ranges):
+        yield f"  and {more} further arm branches"
+    if ranges and verbose and redundant and plan.problem.start_joints is None:
+        yield (
+            "The arm is redundant: a range holds for starting configurations that are "
+            "followed from heading to heading; those that simulate tries may all fail."
+        )
 
 
 def _limits_attitude(plan: Plan) -> bool:
@@ -125,37 +145,57 @@ def _limits_attitude(plan: Plan) -> bool:
     return plan.limits is not None and plan.limits.number > 0
 
 
-def _chosen_lines(plan: Plan) -> Iterator[str]:
+def _chosen_lines(plan: Plan, verbose: bool) -> Iterator[str]:
+    """Deviation, tolerances, and with ``verbose`` what confirms them and what was not chosen."""
+    if plan.stretch != 1.0:
+        yield f"  Duration stretched by {plan.stretch:.6g} to {plan.problem.path.duration:.6g} s."
+    if plan.deviation is not None:
+        yield f"  Deviation from the present attitude: {math.degrees(plan.deviation):.4f} deg."
+    parts = list(_tolerances(plan))
+    if parts:
+        alone = "margin, pointing and turn" if _limits_attitude(plan) else "the margin"
+        scope = f" for {alone} alone" if plan.limit_results else ""
+        yield f"  Tolerances{scope}: {', '.join(parts)}."
+    if not verbose:
+        return
+    if plan.radius_effort is not None:
+        start = ""
+        if plan.problem.redundant:
+            given = plan.problem.start_joints is not None
+            inside = " inside the joint ranges" if plan.limit_results else ""
+            joints = "search.joints" if given else "the joints below"
+            start = f", with starts{inside} to which Newton's method leads from {joints}"
+        yield f"    attitude: {plan.radius_effort}{start}"
+    if plan.tolerance is not None:
+        yield f"    momentum: {plan.tolerance.momentum_effort}"
+    if parts:
+        yield "    each holds with everything else as planned"
+    if plan.excluded and plan.feasible:
+        counts = ", ".join(f"{limit} {count}" for limit, count in plan.excluded.items())
+        yield f"  Better candidates that violate a limit: {counts}."
+
+
+def _tolerances(plan: Plan) -> Iterator[str]:
+    """The tolerated deviations of attitude, momentum and duration."""
     from freefloat.motion.margin import keeps_threshold
 
-    if plan.stretch != 1.0:
-        yield f"Duration stretched by {plan.stretch:.6g} to {plan.problem.path.duration:.6g} s."
-    if plan.deviation is not None:
-        yield f"Deviation from the present attitude: {math.degrees(plan.deviation):.4f} deg."
-    alone = "margin, pointing and turn" if _limits_attitude(plan) else "the margin"
-    scope = around = f" for {alone} alone" if plan.limit_results else ""
-    if plan.limit_results and plan.problem.redundant:
-        around = f" for {alone}, with starts inside the joint ranges"
     if plan.robust_radius is not None:
         spare = plan.search.required_radius
         less = spare > 0.0 and not keeps_threshold(plan.robust_radius, spare)
-        wanted = f", less than search.spare_deg {math.degrees(spare):g}" if less else ""
-        yield f"Attitude tolerance{around}: {math.degrees(plan.robust_radius):.4f} deg{wanted}."
-        if plan.radius_effort is not None:
-            given = plan.problem.start_joints is not None
-            joints = "search.joints" if given else "the joints below"
-            start = f", with starts to which Newton's method leads from {joints}"
-            yield f"  {plan.radius_effort}{start if plan.problem.redundant else ''}"
-    tolerance = plan.tolerance
-    if tolerance is not None:
+        wanted = f" (less than search.spare_deg {math.degrees(spare):g})" if less else ""
+        yield f"attitude {math.degrees(plan.robust_radius):.3g} deg{wanted}"
+    if (tolerance := plan.tolerance) is not None:
         more = " or more" if tolerance.momentum >= tolerance.momentum_limit else ""
-        yield (f"Momentum tolerance{scope}: {tolerance.momentum:.4g} N m s{more} in any direction.")
-        yield f"  {tolerance.momentum_effort}"
-        yield (f"Feasible durations{scope}: {tolerance.shortest:.5g} to {tolerance.longest:.5g} s.")
-        yield "Each tolerance holds with everything else as planned."
-    if plan.excluded and plan.feasible:
-        counts = ", ".join(f"{limit} {count}" for limit, count in plan.excluded.items())
-        yield f"Better candidates that violate a limit: {counts}."
+        yield f"momentum {tolerance.momentum:.4g} N m s{more} in any direction"
+        yield f"duration {tolerance.shortest:.5g} to {tolerance.longest:.5g} s"
+
+
+def _touch_lines(plan: Plan) -> Iterator[str]:
+    """The touch points that limit the ranges."""
+    points = [limit.touch_point for segment in plan.segments for limit in segment.limits]
+    if points:
+        shown = (f"{point.level:+g} at {point.time:.4f} s" for point in points)
+        yield f"  Touch points of motions that just keep the margin: S = {', '.join(shown)}."
 
 
 def _segment_lines(plan: Plan) -> Iterator[RenderableType]:

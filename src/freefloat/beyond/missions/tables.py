@@ -10,7 +10,14 @@ from typing import TYPE_CHECKING, cast
 from rich.console import RenderableType
 from rich.text import Text
 
-from freefloat.cli.console import attitude_text, contact_lines, decimals, limit_tables, table
+from freefloat.cli.console import (
+    attitude_text,
+    contact_lines,
+    decimals,
+    limit_lines,
+    limit_tables,
+    table,
+)
 
 if TYPE_CHECKING:
     from freefloat.beyond.missions.capture import Capture
@@ -53,10 +60,10 @@ def _summary(manoeuvre: Manoeuvre) -> Iterator[RenderableType]:
             )
         if phase.kind == "capture":
             yield f"{phase.name}: {_found(phase)}"
-    yield from limit_tables(
+    yield from limit_lines([
         replace(_timed(phase, result), where=f"{phase.name}: {result.where}")
         for phase, result in manoeuvre.worst_results
-    )
+    ])  # fmt: skip
 
 
 def _phases(manoeuvre: Manoeuvre) -> Iterator[RenderableType]:
@@ -76,8 +83,8 @@ def _timed(phase: PhaseResult, result: LimitResult) -> LimitResult:
     return replace(result, time=phase.start + result.time)
 
 
-def goal_tables(name: str, result: GoalMotion, _: bool) -> Iterator[RenderableType]:
-    """What a motion to a goal is, or why there is none, and its limits."""
+def goal_tables(name: str, result: GoalMotion, verbose: bool) -> Iterator[RenderableType]:
+    """What a motion to a goal is, or why there is none, and its limits, ``verbose`` as a table."""
     yield Text(f"{name}: {result.reason}", "green" if result.feasible else "red")
     for key, value in result.needed.items():
         yield f"  enough: {key} {value:.6g}"
@@ -86,7 +93,7 @@ def goal_tables(name: str, result: GoalMotion, _: bool) -> Iterator[RenderableTy
         yield f"  last attitude x y z w  {attitude_text(final.attitude)}"
         yield f"  last joints            {decimals(final.joints)}"
         yield f"  error at the goal      {result.error:.1e} rad, m"
-    yield from limit_tables(result.limit_results)
+    yield from limit_tables(result.limit_results) if verbose else limit_lines(result.limit_results)
     yield from contact_lines(result)
 
 
