@@ -23,7 +23,7 @@ from freefloat.cli.robots import (
     load_robot,
     not_read_lines,
 )
-from freefloat.cli.setting import setting_document, setting_tables
+from freefloat.cli.setting import setting_document, setting_lines
 from freefloat.errors import one_line
 
 if TYPE_CHECKING:
@@ -85,7 +85,7 @@ def info(
     default_link = end_effector is None and scenario is None
     console.tables(_tables(summary, default_link))
     if scenario is not None:
-        console.tables(setting_tables(scenario))
+        console.tables(setting_lines(scenario))
     console.tables(_remarks(summary))
 
 
