@@ -9,6 +9,7 @@ from freefloat.paths.orientation import FixedOrientation as FixedOrientation
 from freefloat.paths.orientation import OrientationLaw as OrientationLaw
 from freefloat.paths.orientation import SlerpOrientation as SlerpOrientation
 from freefloat.paths.path import EndEffectorPath as EndEffectorPath
+from freefloat.paths.path import through as through
 from freefloat.paths.path_stack import PathStack as PathStack
 from freefloat.paths.relative_path import RelativePath as RelativePath
 from freefloat.paths.time_laws import TimeLaw as TimeLaw

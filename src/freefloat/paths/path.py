@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 
 from freefloat.errors import InputError, require_type
-from freefloat.paths.curves import Curve
-from freefloat.paths.orientation import FreeOrientation, OrientationLaw
+from freefloat.paths.curves import Curve, SplineCurve
+from freefloat.paths.orientation import FreeOrientation, OrientationLaw, OrientationSpline
+from freefloat.rotations import Rotation
 from freefloat.so3 import Array, Pose, frozen, rotation_vector_between
 
 _CHECKED_AT = np.linspace(0.0, 1.0, 101)
@@ -119,3 +120,26 @@ class EndEffectorPath:
             for side in (-_STEP, _STEP)
         )
         return np.concatenate([self.curve(s, 2), (after - before) / _STEP], axis=-1)
+
+
+def through(poses: Sequence[Pose]) -> EndEffectorPath:
+    """The path through poses: splines of position and orientation with continuous acceleration.
+
+    Args:
+        poses: Two poses or more in the frame of the path, also as ``pin.SE3``; s is the length of
+            the line through their positions, from 0 to 1.
+
+    Raises:
+        InputError: If there are fewer, one is no pose, or two in a row have the same position.
+
+    Example:
+        >>> from freefloat.so3 import Pose
+        >>> axes = [np.eye(3), np.diag([-1.0, -1.0, 1.0])]
+        >>> path = ff.paths.through([Pose([x, 0.0, 0.0], axes[x % 2]) for x in (1, 2, 3)])
+        >>> path.pose(0.5).position
+        array([2., 0., 0.])
+    """
+    stated = [Pose.of(f"poses.{number}", pose) for number, pose in enumerate(poses)]
+    curve = SplineCurve([pose.position for pose in stated])
+    attitudes = [Rotation.from_matrix(pose.rotation).as_quat() for pose in stated]
+    return EndEffectorPath(curve, OrientationSpline(attitudes, curve.knots))
