@@ -11,26 +11,26 @@ import pytest
 
 import freefloat
 import freefloat as ff
-from freefloat.errors import IntegrationError, ModelError, UnreachableError
+from freefloat.errors import FreeFloatError, IntegrationError, ModelError, UnreachableError
 
 INPUT = ("path.line.from", "[1, nan, 0] was given", "3 finite numbers", "scenario.yaml")
 
 
-def every_error_class() -> list[type[ff.FreeFloatError]]:
+def every_error_class() -> list[type[FreeFloatError]]:
     """All classes of errors of the package."""
     for module in pkgutil.iter_modules(freefloat.__path__):
         if module.name != "__main__":
             importlib.import_module(f"freefloat.{module.name}")
-    return [ff.FreeFloatError, *_below(ff.FreeFloatError)]
+    return [FreeFloatError, *_below(FreeFloatError)]
 
 
-def _below(kind: type[ff.FreeFloatError]) -> Iterator[type[ff.FreeFloatError]]:
+def _below(kind: type[FreeFloatError]) -> Iterator[type[FreeFloatError]]:
     for child in kind.__subclasses__():
         yield child
         yield from _below(child)
 
 
-def example(kind: type[ff.FreeFloatError]) -> ff.FreeFloatError:
+def example(kind: type[FreeFloatError]) -> FreeFloatError:
     """An error of a class."""
     if issubclass(kind, ff.InputError):
         return kind(*INPUT)

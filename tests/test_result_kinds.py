@@ -39,7 +39,9 @@ def result(kind: str) -> Any:
         case "motion":
             return ff.simulate(problem, heading=0.45, limits=limits)
         case "goal":
-            return ff.reorient(problem, IDENTITY, problem.attitude(heading=0.3), limits)
+            joints = [0.9, 0.7]
+            goal = ff.Goal(attitude=problem.attitude(heading=0.3), joints=joints)
+            return ff.move(problem.system, (IDENTITY, joints), goal, limits)
         case "manoeuvre":
             return ff.plan_manoeuvre(problem, scenario().phases(), scenario().search(), limits)
         case "map":

@@ -21,6 +21,7 @@ from benchmarks.plain import PlainMotion
 from benchmarks.result import Result, race
 from freefloat.beyond.engines.mujoco import start
 from freefloat.beyond.engines.mujoco_model import MuJoCoModel
+from freefloat.beyond.engines.tracking import track_many
 from freefloat.ensemble.ensemble import EnsembleIntegrator
 from freefloat.ensemble.robots import Robots
 from freefloat.ensemble.systems import Systems
@@ -263,7 +264,7 @@ def closed_loops(quick: bool) -> Result:
             engine.step(torques)
 
     seconds, sample = race(
-        lambda: ff.track_many(
+        lambda: track_many(
             simulation, mass_error=0.2, noise=0.01, friction=0.1, seed=range(count)
         ),
         loop, rounds=1 if quick else 3,

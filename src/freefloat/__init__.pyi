@@ -41,8 +41,7 @@ from .visualization.figures.figures import figures as figures
 from .visualization.page.playback import playback as playback
 from .visualization.page.playback import show as show
 
-# The paper: errors
-from .errors import FreeFloatError as FreeFloatError
+# The paper: misuse
 from .errors import InputError as InputError
 
 # Beyond the paper: an arm on a spacecraft
@@ -52,10 +51,7 @@ from .robot.parts import Spacecraft as Spacecraft
 from .robot.source import RobotSource as RobotSource
 
 # Beyond the paper: joint space
-from .singularities.singularity_polynomial import SingularityPolynomial as SingularityPolynomial
 from .beyond.joint_space.singularity_map import singularity_map as singularity_map
-from .beyond.joint_space.components import singularity_components as singularity_components
-from .beyond.joint_space.distance import distance_to_singularity as distance_to_singularity
 
 # Beyond the paper: surroundings and limits
 from .robot.shapes import Box as Box
@@ -74,14 +70,12 @@ from .dynamics.redundancy import Redundancy as Redundancy
 from .motion.arm_curves import ArmCurve as ArmCurve
 from .motion.arm_curves import ArmCurves as ArmCurves
 
-# Beyond the paper: objectives and timing
-from .planning.objectives.objectives import Weights as Weights
+# Beyond the paper: timing
 from .planning.timing.retiming import retime as retime
 
 # Beyond the paper: goals and manoeuvres
 from .beyond.missions.goals.goal import Goal as Goal
 from .beyond.missions.goals.mover import move as move
-from .beyond.missions.goals.reorientation import reorient as reorient
 from .beyond.missions.capture import Client as Client
 from .beyond.missions.capture import capture as capture
 from .beyond.missions.phases.kinds.capture_phase import CapturePhase as CapturePhase
@@ -92,7 +86,6 @@ from .beyond.missions.phases.manoeuvre_planner import plan_manoeuvre as plan_man
 # Beyond the paper: engines and exports
 from .io.formats.export import export as export
 from .beyond.engines.tracking import track as track
-from .beyond.engines.tracking import track_many as track_many
 
 # Beyond the paper: many runs
 from .ensemble.simulate_many import simulate_many as simulate_many

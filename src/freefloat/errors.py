@@ -38,7 +38,7 @@ class FreeFloatError(Exception):
     Example:
         >>> try:
         ...     ff.load_scenario("no such scenario")
-        ... except ff.FreeFloatError as error:
+        ... except ff.errors.FreeFloatError as error:
         ...     print(type(error).__name__)
         InputError
     """

@@ -254,12 +254,12 @@ def test_derivatives_of_clearances_and_of_the_end(model: ff.FreeFloatingModel) -
 
 @pytest.mark.slow
 def test_a_reorientation_keeps_cones_and_torques() -> None:
-    """The short form: an attitude with the joints back."""
+    """A goal with an attitude, and the joints back."""
     problem = ff.load_scenario("spatial_6dof/line").problem().replace(momentum=np.zeros(3))
     cone = ff.PointingLimit("spacecraft", [0, 0, 1], np.radians(40.0), direction=[0, 0, 1])
     limits = ff.Limits(joint_rate=np.full(6, 0.1), joint_torque=np.full(6, 0.05), pointing=[cone])
     end = Rotation.from_rotvec([0.0, 0.1, 0.4]).as_quat()
-    result = ff.reorient(problem, STATE[0], end, limits, joints=START)
+    result = ff.move(problem.system, STATE, ff.Goal(attitude=end, joints=START), limits)
     assert result.feasible
     assert result.error < 1e-9
     R = Rotation.from_quat(result.motion.attitudes)
@@ -268,17 +268,3 @@ def test_a_reorientation_keeps_cones_and_torques() -> None:
     states = result.motion.sample(np.linspace(0.0, result.duration, 50))
     torques = [effort(x.time, x.attitude, x.joints).joint_torques for x in states]
     assert np.abs(torques).max() <= 0.05 * (1.0 + 1e-6)
-
-
-def test_wrong_reorientations_name_the_argument() -> None:
-    planar = ff.load_scenario("planar_2dof/line").problem()
-    turned, tilted = [0.0, 0.0, 0.1305262, 0.9914449], [0.1305262, 0.0, 0.0, 0.9914449]
-    wall = ff.SceneBody("wall", ff.Box([9.0, 9.0, 9.0]))
-    inside = planar.replace(scene=ff.Scene([wall]))
-    limits = ff.Limits(joint_rate=[0.1, 0.1], clearance=0.01)
-    for problem, start, end, key in (
-        (planar, turned, turned, "to"),
-        (planar, tilted, turned, "from"),
-        (inside, STATE[0], turned, "joints"),
-    ):
-        assert error_key(ff.reorient, problem, start, end, limits, joints=[0.3, 0.7]) == key

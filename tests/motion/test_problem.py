@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 import freefloat as ff
+from freefloat.beyond.joint_space.distance import distance_to_singularity
+from freefloat.singularities.singularity_polynomial import SingularityPolynomial
 from freefloat.so3 import heading_quaternion
 from tests.errors import error_key
 from tests.motions import GOOD
@@ -34,8 +36,8 @@ def test_a_planar_task_wants_a_planar_robot_wherever_it_is_named(planar, spatial
         for call in (
             lambda task, model=model: replace(planar, model=model, task=task),
             lambda task, model=model: ff.singularity_measure(model, task, "gjm"),
-            *(partial(f, model, q) for f in (ff.generalized_jacobian, ff.distance_to_singularity)),
-            *(partial(f, model) for f in (ff.SingularityPolynomial.of, ff.singularity_map)),
+            *(partial(f, model, q) for f in (ff.generalized_jacobian, distance_to_singularity)),
+            *(partial(f, model) for f in (SingularityPolynomial.of, ff.singularity_map)),
         ):
             assert error_key(call, "planar-position") == "task"
 

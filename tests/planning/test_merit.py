@@ -49,7 +49,9 @@ def test_still_in_space_is_less_than_the_turns_of_samples() -> None:
 def test_weights_lead_from_the_margin_to_the_present_attitude() -> None:
     problem = ff.load_scenario("planar_3dof/parabola").problem()
     present = [0.0, 0.0, 0.0, 1.0]
-    plans = [ff.plan(problem, ff.Search(ff.Weights(1.0, w), present)) for w in (0.0, 0.3, 3.0)]
+    plans = [
+        ff.plan(problem, ff.Search({"margin": 1.0, "turn": w}, present)) for w in (0.0, 0.3, 3.0)
+    ]
     best = ff.plan(problem)
     assert plans[0].chosen.minimum_margin == pytest.approx(best.chosen.minimum_margin)
     margins = [plan.chosen.minimum_margin for plan in plans]
@@ -64,14 +66,14 @@ def test_the_weight_of_the_time_prefers_slow_joints() -> None:
     limits = ff.Limits(joint_rate=np.full(2, 0.5))
     ratios = []
     for weight in (0.0, 5.0):
-        plan = ff.plan(problem, ff.Search(ff.Weights(1.0, time=weight)), limits)
+        plan = ff.plan(problem, ff.Search({"margin": 1.0, "time": weight}), limits)
         ratios.append(next(r.ratio for r in plan.limit_results if r.limit == "joint_rate"))
     assert ratios[1] < 0.9 * ratios[0]
 
 
 def test_errors_of_weights() -> None:
     problem = ff.load_scenario("planar_2dof/line").problem()
-    assert error_key(lambda: ff.Weights(-1.0)) == "search.objective.margin"
-    assert error_key(ff.Weights) == "search.objective"
-    timed = ff.Search(ff.Weights(time=1.0))
+    assert error_key(lambda: ff.Search({"margin": -1.0})) == "search.objective.margin"
+    assert error_key(lambda: ff.Search({})) == "search.objective"
+    timed = ff.Search({"time": 1.0})
     assert error_key(ff.plan, problem, timed, ff.Limits()) == "search.objective.time"

@@ -95,8 +95,6 @@ def test_plans_and_maps_use_the_limits_of_a_problem(line: ff.Problem) -> None:
     assert not ff.plan(strict).feasible
     manoeuvre = ff.plan_manoeuvre(strict)
     assert (manoeuvre.feasible, manoeuvre.path.feasible) == (False, False)
-    turned = ff.reorient(line, ATTITUDE, line.attitude(heading=0.1))
-    assert "joint_rate" in names(turned.limit_results)
     seen = ff.PointingLimit("spacecraft", [1, 0, 0], 0.01, direction=[0, 1, 0])
     away = line.replace(limits=ff.Limits(pointing=(seen,)))
     assert ff.attitude_map(away, 24).feasible_fraction < ff.attitude_map(line, 24).feasible_fraction

@@ -11,6 +11,7 @@ import freefloat as ff
 import freefloat.singularities.global_maximum as maxima
 from freefloat.dynamics.joint_space import joint_box
 from freefloat.singularities.global_maximum import global_maximum, guaranteed_magnitude
+from freefloat.singularities.singularity_polynomial import SingularityPolynomial
 from tests.motions import bundled
 from tests.robots import random_robot
 
@@ -47,7 +48,7 @@ def test_no_configuration_is_above_the_bound_and_the_value_is_attained(
 
 def test_the_search_does_not_depend_on_its_start() -> None:
     problem = bundled("planar_2dof/line")
-    polynomial = ff.SingularityPolynomial.of(problem.model, problem.task)
+    polynomial = SingularityPolynomial.of(problem.model, problem.task)
     starts = np.random.default_rng(0).uniform(-np.pi, np.pi, (5, 2))
     for start in starts:
         found = global_maximum(polynomial, start, 1e-6)
@@ -70,6 +71,6 @@ def test_the_bound_holds_when_the_search_ends_early(monkeypatch: pytest.MonkeyPa
 
 def test_a_wrong_polynomial_is_noticed() -> None:
     problem = bundled("planar_2dof/line")
-    polynomial = ff.SingularityPolynomial.of(problem.model, problem.task)
+    polynomial = SingularityPolynomial.of(problem.model, problem.task)
     wrong = replace(polynomial, coefficients=1.001 * polynomial.coefficients)
     assert global_maximum(wrong, np.zeros(2), 1e-6).value > 7.13

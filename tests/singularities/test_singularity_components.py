@@ -7,6 +7,7 @@ import pytest
 from scipy.ndimage import label
 
 import freefloat as ff
+from freefloat.beyond.joint_space.components import singularity_components
 from tests.motions import bundled
 
 
@@ -14,7 +15,7 @@ from tests.motions import bundled
 @pytest.mark.parametrize("name", ["planar_2dof/line", "planar_3dof/parabola"])
 def test_components_are_those_of_a_flood_fill(name: str) -> None:
     problem = bundled(name)
-    found = ff.singularity_components(ff.singularity_map(problem.model, problem.task))
+    found = singularity_components(ff.singularity_map(problem.model, problem.task))
     measure = ff.singularity_measure(problem.model, problem.task, "system")
     axis = np.radians(np.arange(-180.0, 180.0, 3.0))
     q = np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=-1).reshape(-1, 2)
@@ -42,9 +43,7 @@ def test_components_are_those_of_a_flood_fill(name: str) -> None:
 @pytest.mark.slow
 def test_the_components_of_an_elbow_arm_correspond_to_its_branches() -> None:
     problem = bundled("spatial_6dof/line")
-    found = ff.singularity_components(
-        ff.singularity_map(problem.model, problem.task, np.radians(2.0))
-    )
+    found = singularity_components(ff.singularity_map(problem.model, problem.task, np.radians(2.0)))
     assert len(found.components) == 8
     assert sum(part.sign for part in found.components) == 0
     most = [max(part.branches, key=lambda name: part.branches[name]) for part in found.components]

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import freefloat as ff
+from freefloat.beyond.joint_space.distance import distance_to_singularity
 from freefloat.rotations import rotation_matrix
 from freefloat.so3 import heading_quaternion
 from tests.errors import error_key
@@ -29,7 +30,7 @@ def test_no_configuration_within_the_bound_has_the_other_sign(name: str) -> None
     rng = np.random.default_rng(5)
     largest = max(abs(measure(q)) for q in rng.uniform(-2.0, 2.0, (500, model.dof)))
     q = rng.uniform(-0.5, 0.5, model.dof)
-    found = ff.distance_to_singularity(model, q, task)
+    found = distance_to_singularity(model, q, task)
     assert found.joints is not None
     assert found.direction is not None
     assert found.lower_bound >= 0.95 * found.distance
@@ -49,7 +50,7 @@ def test_the_printed_singularity_of_papadopoulos_and_dubowsky() -> None:
     problem = bundled("planar_2dof/line")
     q = np.radians([-65.0, -11.41080])
     heading = 0.4
-    found = ff.distance_to_singularity(
+    found = distance_to_singularity(
         problem.model, q, problem.task, attitude=heading_quaternion(heading)
     )
     assert found.distance < 1e-6
@@ -63,4 +64,4 @@ def test_the_printed_singularity_of_papadopoulos_and_dubowsky() -> None:
 ])  # fmt: skip
 def test_bad_input(key: str, name: str, joints: list[float]) -> None:
     model, task = case(name)
-    assert error_key(ff.distance_to_singularity, model, joints, task) == key
+    assert error_key(distance_to_singularity, model, joints, task) == key

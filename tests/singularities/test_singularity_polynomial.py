@@ -12,9 +12,13 @@ from hypothesis import strategies as st
 from scipy.optimize import brentq
 
 import freefloat as ff
+from freefloat.beyond.joint_space.distance import distance_to_singularity
 from freefloat.dynamics.joint_space import joint_box
 from freefloat.dynamics.momentum import system_matrix
-from freefloat.singularities.singularity_polynomial import locked_inertia_polynomial
+from freefloat.singularities.singularity_polynomial import (
+    SingularityPolynomial,
+    locked_inertia_polynomial,
+)
 from tests.errors import error_key
 from tests.motions import bundled
 from tests.robots import planar_robot, random_robot, robots
@@ -24,9 +28,9 @@ BUNDLED = ("planar_2dof/line", "planar_3dof/parabola", "spatial_6dof/line", "ets
 
 
 @cache
-def of_scenario(name: str) -> tuple[ff.Problem, ff.SingularityPolynomial]:
+def of_scenario(name: str) -> tuple[ff.Problem, SingularityPolynomial]:
     problem = bundled(name)
-    return problem, ff.SingularityPolynomial.of(problem.model, problem.task)
+    return problem, SingularityPolynomial.of(problem.model, problem.task)
 
 
 def configurations(model: ff.FreeFloatingModel, count: int, seed: int = 0) -> np.ndarray:
@@ -57,7 +61,7 @@ def test_values_are_those_of_the_matrices(name: str) -> None:
 @given(robot=robots(st.text("RP", min_size=6, max_size=6)), seed=st.integers(0, 2**32 - 1))
 def test_values_are_those_of_the_matrices_of_random_robots(robot: object, seed: int) -> None:
     model = ff.FreeFloatingModel.from_urdf(robot.text, robot.end_effector)
-    polynomial = ff.SingularityPolynomial.of(model)
+    polynomial = SingularityPolynomial.of(model)
     q = configurations(model, 2_000, seed)
     exact = determinants(model, ff.Task.POSE, q)
     scale = np.abs(exact).max()
@@ -71,7 +75,7 @@ def test_values_of_redundant_arms_are_squares() -> None:
     for arm, task in ((model, ff.Task.POSITION), (planar.model, ff.Task.PLANAR_POSITION)):
         q = configurations(arm, 200)
         exact = determinants(arm, task, q)
-        values = ff.SingularityPolynomial.of(arm, task).values(q)
+        values = SingularityPolynomial.of(arm, task).values(q)
         np.testing.assert_allclose(values, exact, rtol=0.0, atol=1e-11 * np.abs(exact).max())
 
 
@@ -80,7 +84,7 @@ def test_derivatives_are_those_of_differences(chain: str) -> None:
     robot = random_robot(np.random.default_rng(5), chain)
     model = ff.FreeFloatingModel.from_urdf(robot.text, robot.end_effector)
     measure, h = ff.singularity_measure(model, ff.Task.POSE, "system"), 1e-5
-    polynomial, n = ff.SingularityPolynomial.of(model), model.dof
+    polynomial, n = SingularityPolynomial.of(model), model.dof
     for q in configurations(model, 10):
         ahead, behind = q + h * np.eye(n), q - h * np.eye(n)
         slope = np.array([measure(a) - measure(b) for a, b in zip(ahead, behind, strict=True)])
@@ -98,7 +102,7 @@ def test_derivatives_are_those_of_differences(chain: str) -> None:
 def test_derivatives_stay_within_their_bounds_which_are_not_far_away(chain: str) -> None:
     robot = random_robot(np.random.default_rng(6), chain)
     model = ff.FreeFloatingModel.from_urdf(robot.text, robot.end_effector)
-    polynomial = ff.SingularityPolynomial.of(model)
+    polynomial = SingularityPolynomial.of(model)
     q = configurations(model, 4000)
     found = polynomial.values(q), polynomial.gradients(q), polynomial.hessians(q)
     for bound, derivatives in zip(polynomial.derivative_bounds, found, strict=False):
@@ -113,7 +117,7 @@ def test_derivatives_stay_within_their_bounds_which_are_not_far_away(chain: str)
 def test_enclosures_hold_the_values_and_are_narrow_in_small_boxes(chain: str, half: float) -> None:
     robot = random_robot(np.random.default_rng(7), chain)
     model = ff.FreeFloatingModel.from_urdf(robot.text, robot.end_effector)
-    polynomial = ff.SingularityPolynomial.of(model)
+    polynomial = SingularityPolynomial.of(model)
     centres = configurations(model, 200)
     halves = half * np.random.default_rng(1).uniform(0.0, 1.0, centres.shape)
     low, high = polynomial.enclosures(centres, halves)
@@ -144,9 +148,9 @@ def test_the_zeros_are_the_singular_configurations_of_papadopoulos_and_dubowsky(
 
 def test_arms_without_the_freedom_for_a_task_are_refused() -> None:
     planar = bundled("planar_2dof/line").model
-    assert error_key(lambda: ff.SingularityPolynomial.of(planar)) == "task"
+    assert error_key(lambda: SingularityPolynomial.of(planar)) == "task"
     assert error_key(lambda: ff.singularity_map(planar)) == "task"
-    assert error_key(lambda: ff.distance_to_singularity(planar, [0.3, 0.7])) == "task"
+    assert error_key(lambda: distance_to_singularity(planar, [0.3, 0.7])) == "task"
     coaxial = planar_robot([100.0, 1e-13, 10.0], [20.0, 1e-13, 1.0], [0.0, 0.5], [0.5, 0.0, 0.5])
     model = ff.FreeFloatingModel.from_urdf(coaxial)
-    assert error_key(lambda: ff.SingularityPolynomial.of(model, "planar-position")) == "task"
+    assert error_key(lambda: SingularityPolynomial.of(model, "planar-position")) == "task"

@@ -13,6 +13,7 @@ from freefloat.beyond.engines import plant, servo_steps
 from freefloat.beyond.engines.mujoco import start
 from freefloat.beyond.engines.mujoco_model import MuJoCoModel
 from freefloat.beyond.engines.plant import Plants
+from freefloat.beyond.engines.tracking import track_many
 from freefloat.dynamics.momentum import mass_matrix
 from freefloat.robot.assembly import scaled
 from freefloat.so3 import angle_between
@@ -79,7 +80,7 @@ def test_the_seed_decides_and_masses_deviate_as_stated(short) -> None:
     for body, true in zip(nominal.bodies, first.model.bodies, strict=True):
         assert abs(true.mass / body.mass - 1.0) > 1e-4
         np.testing.assert_allclose(true.inertia * body.mass, body.inertia * true.mass, atol=1e-12)
-    runs = ff.track_many(short, mass_error=0.1, seed=range(40), period=10, gain=0)
+    runs = track_many(short, mass_error=0.1, seed=range(40), period=10, gain=0)
     factors = [
         body.mass / nominal.bodies[k].mass
         for run in runs
@@ -94,15 +95,15 @@ def test_many_runs_have_the_results_of_single_ones(short) -> None:
         "mass_error": [0.0, 0.2, 0.1], "noise": [1e-3, 0.0, 2e-3], "friction": [0.0, 0.1, 0.2],
         "seed": [3, 4, 5], "gain": [1.0, 0.5, 2.0], "tolerance": [0.1, 0.2, 0.3],
     }  # fmt: skip
-    runs = ff.track_many(short, **deviations, period=0.2, threads=2)
+    runs = track_many(short, **deviations, period=0.2, threads=2)
     for k, run in enumerate(runs):
         single = ff.track(short, **{key: v[k] for key, v in deviations.items()}, period=0.2)
         for name in ("attitudes", "joints", "margins", "position_errors", "orientation_errors"):
             np.testing.assert_array_equal(getattr(run, name), getattr(single, name))
         assert run.to_dict() == single.to_dict()
-    assert error_key(ff.track_many, short, noise=[0.1, 0.2], seed=[1, 2, 3]) == "noise"
-    assert error_key(ff.track_many, short, noise=[0.1, -0.2]) == "noise"
-    assert error_key(ff.track_many, short, threads=0) == "threads"
+    assert error_key(track_many, short, noise=[0.1, 0.2], seed=[1, 2, 3]) == "noise"
+    assert error_key(track_many, short, noise=[0.1, -0.2]) == "noise"
+    assert error_key(track_many, short, threads=0) == "threads"
 
 
 def test_plain_and_compiled_kernels_agree(short) -> None:
@@ -155,7 +156,7 @@ def test_a_period_is_that_of_mujocos_runge_kutta_integrator(name: str) -> None:
 
 @pytest.mark.slow
 def test_noise_and_friction_lead_off_the_path(short) -> None:
-    errors = [run.peak_position_error for run in ff.track_many(short, noise=[0.0, 0.01, 0.02])]
+    errors = [run.peak_position_error for run in track_many(short, noise=[0.0, 0.01, 0.02])]
     assert errors[0] < errors[1]
     assert errors[2] == pytest.approx(2.0 * errors[1], rel=0.2)
     assert not ff.track(short, noise=0.02, tolerance=0.5 * errors[2]).survived

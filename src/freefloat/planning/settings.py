@@ -39,8 +39,9 @@ class Search:
     Attributes:
         objective: The largest minimum margin, the feasible attitude nearest to ``from_attitude``,
             the one deepest inside the feasible set, or the one with the least turn of the
-            spacecraft along the motion: ``margin``, ``nearest``, ``robust`` or ``still``; a sum
-            with :class:`Weights`; or another object of the class Objective.
+            spacecraft along the motion: ``margin``, ``nearest``, ``robust`` or ``still``; a
+            weighted sum, such as ``{"margin": 1.0, "turn": 0.3}``; or an object of the class
+            Objective.
         from_attitude: Present attitude of the spacecraft, x, y, z, w; one of the attitudes tried.
         joints: Present joints of the arm, in chain order or by name [rad or m]: of the arm
             configurations at every attitude only the closest is considered; all when left out.

@@ -45,7 +45,7 @@ class SingularityPolynomial(JointPolynomial):
 
     Example:
         >>> model = ff.FreeFloatingModel.from_urdf("planar_2dof")
-        >>> polynomial = ff.SingularityPolynomial.of(model, "planar-position")
+        >>> polynomial = SingularityPolynomial.of(model, "planar-position")
         >>> polynomial.degrees, polynomial.coefficients.size
         ((2, 1), 15)
         >>> polynomial.values([[0.3, 0.7]]).round(6)

@@ -209,7 +209,7 @@ def track_many(
     Example:
         >>> problem = ff.load_scenario("planar_2dof/line").problem()
         >>> simulation = ff.simulate(problem, heading=0.0)
-        >>> runs = ff.track_many(simulation, mass_error=0.02, noise=1e-4, seed=range(8))
+        >>> runs = track_many(simulation, mass_error=0.02, noise=1e-4, seed=range(8))
         >>> sum(run.survived for run in runs)
         8
     """

@@ -87,7 +87,7 @@ def singularity_components(found: SingularityMap) -> SingularityComponents:
     Example:
         >>> model = ff.FreeFloatingModel.from_urdf("planar_2dof")
         >>> found = ff.singularity_map(model, "planar-position", np.radians(1.0))
-        >>> [part.branches for part in ff.singularity_components(found).components]
+        >>> [part.branches for part in singularity_components(found).components]
         [{'elbow-': 61, 'elbow+': 2}, {'elbow+': 60, 'elbow-': 1}]
     """
     require_type("found", found, SingularityMap, "singularity_map(...)")

@@ -96,7 +96,7 @@ def distance_to_singularity(
 
     Example:
         >>> model = ff.FreeFloatingModel.from_urdf("planar_2dof")
-        >>> found = ff.distance_to_singularity(model, [0.3, 0.7], "planar-position")
+        >>> found = distance_to_singularity(model, [0.3, 0.7], "planar-position")
         >>> print(f"{found.lower_bound:.3f} {found.distance:.3f} {found.joints.round(3)}")
         0.598 0.599 [0.432 0.116]
     """

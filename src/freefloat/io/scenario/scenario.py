@@ -33,7 +33,7 @@ from freefloat.motion.problem import Problem
 from freefloat.paths.path_stack import PathStack
 from freefloat.paths.timing import TimedPath, Timing
 from freefloat.planning.objectives.objective import Objective
-from freefloat.planning.objectives.objectives import Weights, objective_of
+from freefloat.planning.objectives.objectives import objective_of
 from freefloat.planning.settings import Search
 from freefloat.robot.bundled import find_scenario
 from freefloat.robot.model import FreeFloatingModel
@@ -226,9 +226,7 @@ class Scenario(PlannedScenario):
 
 
 def _objective(section: str | WeightsSection) -> Objective:
-    if isinstance(section, WeightsSection):
-        return Weights(**section.model_dump())
-    return objective_of(section)
+    return objective_of(section if isinstance(section, str) else section.model_dump())
 
 
 def load_scenario(name: str | Path | dict[str, Any]) -> Scenario:

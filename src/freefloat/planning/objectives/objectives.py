@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -168,7 +168,7 @@ class Weights(Objective):
 
     Example:
         >>> problem = ff.load_scenario("planar_2dof/line").problem()
-        >>> compromise = ff.Search(ff.Weights(margin=1.0, turn=0.3), [0.0, 0.0, 0.0, 1.0])
+        >>> compromise = ff.Search({"margin": 1.0, "turn": 0.3}, [0.0, 0.0, 0.0, 1.0])
         >>> ff.plan(problem, compromise).feasible
         True
     """
@@ -207,14 +207,20 @@ NAMED: dict[str, Objective] = {
 """The objectives that scenario files name."""
 
 
-def objective_of(value: Objective | str) -> Objective:
-    """The objective that a word names, or the objective itself.
+def objective_of(value: Objective | str | Mapping[str, float]) -> Objective:
+    """The objective that a word names, the one with weights by name, or the objective itself.
 
     Raises:
-        InputError: If there is no such objective.
+        InputError: If there is no such objective or weight, or a weight is negative.
     """
     if isinstance(value, Objective):
         return value
+    if isinstance(value, Mapping):
+        terms = [term.name for term in fields(Weights)]
+        if unknown := sorted(set(map(str, value)) - set(terms)):
+            problem = f"there is no term {', '.join(unknown)}"
+            raise InputError("search.objective", problem, ", ".join(terms))
+        return Weights(**value)
     objective = NAMED.get(value) if isinstance(value, str) else None
     if objective is None:
         near = did_you_mean(str(value), NAMED)
