@@ -10,13 +10,8 @@ import pytest
 
 import freefloat as ff
 from freefloat.beyond.joint_space.components import singularity_components
-from freefloat.dynamics.momentum import (
-    end_effector_jacobian,
-    generalized_determinant,
-    inertia_matrices,
-    momentum_map,
-    system_matrix,
-)
+from freefloat.dynamics.generalized_jacobian import generalized_determinant, system_matrix
+from freefloat.dynamics.momentum import end_effector_jacobian, inertia_matrices, momentum_map
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.planning.simulation import Simulation
 from tests.errors import error_key

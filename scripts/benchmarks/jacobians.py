@@ -14,7 +14,7 @@ import numpy as np
 from benchmarks.arm import arm_urdf
 from benchmarks.plain import PlainJacobian
 from benchmarks.result import Result, race
-from freefloat.dynamics.momentum import generalized_jacobian
+from freefloat.dynamics.generalized_jacobian import generalized_jacobian
 from freefloat.robot.model import FreeFloatingModel
 
 Jacobian = Callable[[np.ndarray], np.ndarray]

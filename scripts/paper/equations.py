@@ -10,14 +10,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from freefloat.dynamics.joint_space import end_effector_distance
-from freefloat.dynamics.measures import plane_axes, singularity_measure
-from freefloat.dynamics.momentum import (
+from freefloat.dynamics.generalized_jacobian import (
     generalized_determinant,
     generalized_jacobian,
-    inertia_matrices,
     system_matrix,
 )
+from freefloat.dynamics.joint_space import end_effector_distance
+from freefloat.dynamics.measures import plane_axes, singularity_measure
+from freefloat.dynamics.momentum import inertia_matrices
 from freefloat.dynamics.resolved_rates import ResolvedRateSolver
 from freefloat.dynamics.system import System
 from freefloat.motion.extrema import closest_approach

@@ -5,8 +5,8 @@ from .robot.model import FreeFloatingModel as FreeFloatingModel
 from .dynamics.tasks import Task as Task
 from .dynamics.system import System as System
 from .dynamics.momentum import inertia_matrices as inertia_matrices
-from .dynamics.momentum import system_matrix as system_matrix
-from .dynamics.momentum import generalized_jacobian as generalized_jacobian
+from .dynamics.generalized_jacobian import system_matrix as system_matrix
+from .dynamics.generalized_jacobian import generalized_jacobian as generalized_jacobian
 from .dynamics.measures import singularity_measure as singularity_measure
 
 # The paper: the path

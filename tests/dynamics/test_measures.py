@@ -12,8 +12,9 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 import freefloat as ff
+from freefloat.dynamics.generalized_jacobian import system_matrix
 from freefloat.dynamics.joint_space import largest_measure, sampled_reach
-from freefloat.dynamics.momentum import inertia_matrices, system_matrix
+from freefloat.dynamics.momentum import inertia_matrices
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from tests.prismatic import BUS, TOOL, prismatic_robot
 from tests.robots import in_units, joint_values, random_robot, robots

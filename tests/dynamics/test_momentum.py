@@ -10,13 +10,8 @@ from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
 import freefloat as ff
-from freefloat.dynamics.momentum import (
-    end_effector_jacobian,
-    inertia_matrices,
-    momentum_map,
-    system_matrix,
-    system_matrix_derivative,
-)
+from freefloat.dynamics.generalized_jacobian import system_matrix, system_matrix_derivative
+from freefloat.dynamics.momentum import end_effector_jacobian, inertia_matrices, momentum_map
 from freefloat.dynamics.resolved_rates import ResolvedRateSolver
 from freefloat.rotations import rotation_matrix
 from freefloat.so3 import rotation_vector_between

@@ -8,7 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import freefloat as ff
-from freefloat.dynamics.momentum import system_matrix, system_matrix_derivative
+from freefloat.dynamics.generalized_jacobian import system_matrix, system_matrix_derivative
 from freefloat.dynamics.plane import Plane, plane_of
 from freefloat.dynamics.redundancy import Redundancy
 from freefloat.dynamics.resolved_rates import ResolvedRateSolver

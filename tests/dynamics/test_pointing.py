@@ -8,7 +8,7 @@ from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
 import freefloat as ff
-from freefloat.dynamics.momentum import system_matrix, system_matrix_derivative
+from freefloat.dynamics.generalized_jacobian import system_matrix, system_matrix_derivative
 from freefloat.ensemble.endings import SINGULAR
 from freefloat.motion.motion import Ending
 from freefloat.paths.orientation import OrientationSpline

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import freefloat as ff
-from freefloat.dynamics.momentum import system_matrix
+from freefloat.dynamics.generalized_jacobian import system_matrix
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.rotations import rotation_matrix
 from tests.motions import virtual_jacobian

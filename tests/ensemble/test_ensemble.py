@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 import freefloat as ff
 from freefloat.attitude_grids import attitude_grid
-from freefloat.dynamics.momentum import generalized_determinant
+from freefloat.dynamics.generalized_jacobian import generalized_determinant
 from freefloat.ensemble.endings import COMPLETED, MARGIN, SINGULAR
 from freefloat.ensemble.ensemble import EnsembleIntegrator
 from freefloat.ensemble.result import EnsembleResult

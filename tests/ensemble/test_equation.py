@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 import freefloat as ff
+from freefloat.dynamics.generalized_jacobian import generalized_determinant
 from freefloat.dynamics.kernels.kinematics import ANGULAR, AXIS
 from freefloat.dynamics.kernels.robot import JOINT_COLUMNS, S_COLUMNS
-from freefloat.dynamics.momentum import generalized_determinant, inertia_matrices
+from freefloat.dynamics.momentum import inertia_matrices
 from freefloat.dynamics.resolved_rates import ResolvedRateSolver
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.lockstep import lanes, reflections

@@ -13,8 +13,8 @@ from scipy.optimize import brentq
 
 import freefloat as ff
 from freefloat.beyond.joint_space.distance import distance_to_singularity
+from freefloat.dynamics.generalized_jacobian import system_matrix
 from freefloat.dynamics.joint_space import joint_box
-from freefloat.dynamics.momentum import system_matrix
 from freefloat.singularities.singularity_polynomial import (
     SingularityPolynomial,
     locked_inertia_polynomial,

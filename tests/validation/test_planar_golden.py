@@ -8,7 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import freefloat as ff
-from freefloat.dynamics.momentum import inertia_matrices, system_matrix
+from freefloat.dynamics.generalized_jacobian import system_matrix
+from freefloat.dynamics.momentum import inertia_matrices
 from tests.motions import relative
 from tests.robots import joint_values, planar_robot
 from tests.validation.comparisons import assert_agrees

@@ -50,8 +50,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from freefloat.dynamics.generalized_jacobian import system_matrix_with_derivative
 from freefloat.dynamics.measures import unit_factors, unit_of_length
-from freefloat.dynamics.momentum import system_matrix_with_derivative
 from freefloat.dynamics.tasks import Task, base_rotations
 from freefloat.motion.extrema import joint_extents
 from freefloat.motion.motion import Motion

@@ -15,12 +15,12 @@ import numpy as np
 
 from freefloat.attitude_grids import low_discrepancy
 from freefloat.dynamics.arm_factor import ArmPlane
-from freefloat.dynamics.link_frames import link_frames
-from freefloat.dynamics.momentum import (
+from freefloat.dynamics.generalized_jacobian import (
     generalized_determinant,
     generalized_jacobian,
     system_matrix,
 )
+from freefloat.dynamics.link_frames import link_frames
 from freefloat.dynamics.tasks import Task, base_rotations, prescribed_rows, require_task
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator, meeting_point
 from freefloat.errors import InputError

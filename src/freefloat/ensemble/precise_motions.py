@@ -9,7 +9,7 @@ from typing import TypeAlias
 import numpy as np
 
 from freefloat.concurrency import Progress, step_of
-from freefloat.dynamics.momentum import generalized_jacobian
+from freefloat.dynamics.generalized_jacobian import generalized_jacobian
 from freefloat.ensemble.endings import COMPLETED, FAILED, LIMITED, MARGIN, SINGULAR
 from freefloat.ensemble.result import EnsembleResult
 from freefloat.ensemble.systems import Systems

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 import scipy
 
-from freefloat.dynamics.momentum import generalized_determinant, generalized_jacobian
+from freefloat.dynamics.generalized_jacobian import generalized_determinant, generalized_jacobian
 from freefloat.dynamics.redundancy import SINGULAR_SPEED, SPINNING_SPEED
 from freefloat.dynamics.tasks import Task
 from freefloat.errors import InputError, IntegrationError, finite_number

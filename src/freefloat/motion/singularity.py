@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from freefloat.dynamics.generalized_jacobian import system_matrix, system_matrix_derivative
 from freefloat.dynamics.measures import unit_factors
-from freefloat.dynamics.momentum import system_matrix, system_matrix_derivative
 from freefloat.dynamics.tasks import Task, base_rotations, prescribed_rows
 from freefloat.motion.motion import Ending, Motion
 from freefloat.robot.model import FreeFloatingModel

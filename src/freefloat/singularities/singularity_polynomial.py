@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from freefloat.attitude_grids import low_discrepancy
+from freefloat.dynamics.generalized_jacobian import system_matrix
 from freefloat.dynamics.joint_space import joint_box
-from freefloat.dynamics.momentum import system_matrix
 from freefloat.dynamics.tasks import Task, base_rotations, require_task
 from freefloat.errors import InputError, finite_number
 from freefloat.robot.model import FreeFloatingModel

@@ -15,8 +15,9 @@ from freefloat.certificate.certificate import (
     integrate_again,
     momentum_scale,
 )
+from freefloat.dynamics.generalized_jacobian import generalized_jacobian
 from freefloat.dynamics.measures import measure_title, singularity_measure
-from freefloat.dynamics.momentum import generalized_jacobian, inertia_matrices
+from freefloat.dynamics.momentum import inertia_matrices
 from freefloat.dynamics.redundancy import singular_speed
 from freefloat.errors import FreeFloatError, InputError
 from freefloat.motion.margin import keeps_threshold

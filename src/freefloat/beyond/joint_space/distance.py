@@ -16,9 +16,9 @@ import numpy.typing as npt
 import scipy
 
 from freefloat.attitude_grids import low_discrepancy
+from freefloat.dynamics.generalized_jacobian import generalized_jacobian
 from freefloat.dynamics.joint_space import joint_box
 from freefloat.dynamics.measures import unit_factors
-from freefloat.dynamics.momentum import generalized_jacobian
 from freefloat.dynamics.tasks import Task, require_task, required_plane
 from freefloat.errors import InputError
 from freefloat.robot.model import FreeFloatingModel

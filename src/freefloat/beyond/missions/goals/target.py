@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from freefloat.dynamics.momentum import conserved_inertias, system_matrix
+from freefloat.dynamics.generalized_jacobian import system_matrix
+from freefloat.dynamics.momentum import conserved_inertias
 from freefloat.dynamics.tasks import Task
 from freefloat.motion.problem import Problem
 from freefloat.robot.model import FreeFloatingModel
