@@ -141,6 +141,9 @@ def _tables(summary: RobotSummary, default_link: bool) -> Iterator[RenderableTyp
     joints = (*model.moving_joints, *held)
     pairs = ", ".join(f"{joint.parent} - {joint.child}" for joint in joints)
     yield f"not compared for contact, because a joint connects them: {pairs}"
+    if disabled := model.description.disabled_pairs:
+        pairs = ", ".join(sorted(" - ".join(sorted(pair)) for pair in disabled))
+        yield f"not compared for contact, because <disable_collisions> names them: {pairs}"
 
 
 def _remarks(summary: RobotSummary) -> Iterator[RenderableType]:

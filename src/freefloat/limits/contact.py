@@ -71,4 +71,6 @@ def why_unchecked(model: FreeFloatingModel) -> str | None:
     pairs = CollisionPairs(model, stated=False)
     if len(pairs.pairs):
         return None
-    return "; ".join(pairs.left_out) or "joints connect all links with <collision> shapes"
+    return "; ".join(pairs.left_out) or (
+        "joints connect all links with <collision> shapes, or <disable_collisions> has them"
+    )

@@ -43,7 +43,7 @@ class HeldPairs:
 def held_pairs(
     model: FreeFloatingModel, shapes: Sequence[CollisionShape], clearance: float
 ) -> HeldPairs:
-    """The pairs of a robot that joints at rest separate; not those that a joint connects.
+    """The pairs of a robot that joints at rest separate; not :func:`uncompared_links`.
 
     Grippers and other mechanisms, whose joints rest at zero without being named, often overlap
     there: their parts are not compared with one another.
@@ -53,7 +53,7 @@ def held_pairs(
         shapes: Its shapes.
         clearance: Distance up to which pairs are too near [m].
     """
-    above, adjacent = _joints_above(model.description), connected_links(model.description)
+    above, adjacent = _joints_above(model.description), uncompared_links(model.description)
     placed = [se3_of(shape.placement) for shape in shapes]
     distances = dict[tuple[int, int], float]()
     for i, j in itertools.combinations(range(len(shapes)), 2):
@@ -102,9 +102,10 @@ def always_near(
     return np.array([pair in always for pair in pairs], dtype=bool)
 
 
-def connected_links(robot: RobotDescription) -> set[frozenset[str]]:
-    """Pairs of links that a joint that could move connects."""
-    return {frozenset((joint.parent, joint.child)) for joint in robot.joints if joint.moving}
+def uncompared_links(robot: RobotDescription) -> set[frozenset[str]]:
+    """Pairs of links that a joint that could move connects, and those that SRDF disables."""
+    connected = {frozenset((joint.parent, joint.child)) for joint in robot.joints if joint.moving}
+    return connected | robot.disabled_pairs
 
 
 def sampled_configurations(lower: Array, upper: Array) -> Iterator[Array]:

@@ -21,9 +21,9 @@ from freefloat.limits.collision import (
 from freefloat.limits.held_pairs import (
     HeldPairs,
     always_near,
-    connected_links,
     held_pairs,
     sampled_configurations,
+    uncompared_links,
 )
 from freefloat.robot.joint_values import INERTIAL
 from freefloat.robot.model import FreeFloatingModel
@@ -39,7 +39,8 @@ _TOUCHING = 1e-9
 class CollisionPairs:
     """Pairs of shapes on different bodies, and their distances.
 
-    Links that a joint connects are left out, moving or held. So are pairs of links at most the
+    Links that a joint connects are left out, moving or held, and those of SRDF's
+    ``disable_collisions``. So are pairs of links at most the
     clearance apart in each of 1024 sampled configurations; they are not checked and are named in
     :attr:`left_out`. Of the pairs whose distance is constant, because only held joints separate
     them, the nearest stands for all. Pairs of a link and a body of the scene are left out where
@@ -281,12 +282,12 @@ class CollisionPairs:
 def _pairs_of_links(
     model: FreeFloatingModel, robot: Sequence[CollisionShape]
 ) -> list[tuple[int, int]]:
-    """Pairs of shapes on different bodies of a robot, but of links that a joint connects."""
-    connected = connected_links(model.description)
+    """Pairs of shapes on different bodies of a robot, but of links that are not compared."""
+    uncompared = uncompared_links(model.description)
     return [
         (i, j) if a.body < b.body else (j, i)
         for (i, a), (j, b) in itertools.combinations(enumerate(robot), 2)
-        if a.body != b.body and frozenset((a.link, b.link)) not in connected
+        if a.body != b.body and frozenset((a.link, b.link)) not in uncompared
     ]
 
 

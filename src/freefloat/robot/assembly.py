@@ -26,9 +26,11 @@ from freefloat.robot.urdf_versions import require_version
 from freefloat.robot.validation import part_warnings, read_urdf
 from freefloat.so3 import Array, Pose
 
-_NAMED = {"link": "name", "parent": "link", "child": "link", "joint": "name", "mimic": "joint",
-          "material": "name"}  # fmt: skip
-"""Elements that name a link, a joint or a material, and the attribute that does."""
+_NAMED = {
+    "link": ("name",), "parent": ("link",), "child": ("link",), "joint": ("name",),
+    "mimic": ("joint",), "material": ("name",), "disable_collisions": ("link1", "link2"),
+}  # fmt: skip
+"""Elements that name links, a joint or a material, and the attributes that do."""
 
 
 def assemble(
@@ -160,9 +162,9 @@ def _attach(robot: Element, attachment: Attachment, root: str, source: str) -> R
     other = etree.fromstring(part.text)
     foot = prefix + part.roots[0]
     for element in other.iter(*_NAMED):
-        key = _NAMED[element.tag]
-        if element.get(key):
-            element.set(key, prefix + element.get(key))
+        for key in _NAMED[element.tag]:
+            if element.get(key):
+                element.set(key, prefix + element.get(key))
     rename_meshes(other, lambda name: _relocated(source, name, part.source))
     name = _free_name(robot, f"{foot}_mount", other)
     _mount_root(other, foot, carrier, attachment.mount, name)
@@ -177,7 +179,7 @@ def _attach(robot: Element, attachment: Attachment, root: str, source: str) -> R
         problem = f"{prefix!r} leaves names that are taken: {', '.join(sorted(clash))}"
         raise ModelError("prefix", problem, "one that makes names unique, such as second_")
     require_version(robot, other.get("version", ""))
-    kept = other.xpath("link | joint | material")
+    kept = other.xpath("link | joint | material | disable_collisions")
     names = dict.fromkeys(f"<{shown_tag(child)}>" for child in other if child not in kept)
     robot.extend(kept)
     sentence = f"{part.source}: {', '.join(names)} beside its links and joints: left out"
@@ -202,7 +204,8 @@ def _mount_root(robot: Element, root: str, carrier: str, mount: Mount, name: str
     if len(link) or not parents:
         _fix(robot, carrier, root, name, mount)
         return
-    for element in (link, *robot.xpath("*[@reference=$root]", root=root)):
+    named = robot.xpath("*[@reference=$root or @link1=$root or @link2=$root]", root=root)
+    for element in (link, *named):
         robot.remove(element)
     for parent in parents:
         parent.set("link", carrier)

@@ -200,6 +200,7 @@ class RobotDescription:
         not_read: What the files of the robot and its parts say and freefloat does not use.
         base: How its base moves.
         left_out: A sentence for each further URDF with elements that the assembly has not.
+        disabled_pairs: Pairs of links that are not compared for contact, those of an SRDF file.
     """
 
     name: str
@@ -216,6 +217,7 @@ class RobotDescription:
     not_read: tuple[NotRead, ...] = field(default=(), repr=False)
     left_out: tuple[str, ...] = field(default=(), repr=False)
     base: Base = Base.FREE
+    disabled_pairs: frozenset[frozenset[str]] = field(default=frozenset(), repr=False)
     tag = "robot"
 
     @property

@@ -54,9 +54,9 @@ def with_free_base(robot: RobotDescription, element: Element) -> RobotDescriptio
         base = Base.PLANAR if on_table else base
     links = {link.name for link in robot.links} - kept
     joints = {joint.name for joint in robot.joints if joint.parent not in kept}
-    for child in element.xpath("link | joint | *[@reference]"):
-        named = child.get("reference", child.get("name"))
-        if named in (joints if child.tag == "joint" else links):
+    for child in element.xpath("link | joint | disable_collisions | *[@reference]"):
+        named = {child.get(key) for key in ("reference", "name", "link1", "link2")}
+        if not named.isdisjoint(joints if child.tag == "joint" else links):
             element.remove(child)
     gone = {*(f"link {name}" for name in links), *(f"joint {name}" for name in joints)}
     return replace(

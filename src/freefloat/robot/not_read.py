@@ -56,7 +56,8 @@ _SOLIDS = ("box", "capsule", "cylinder", "sphere")
 SHAPES = (*_SOLIDS, "mesh")
 """Elements of which a ``<geometry>`` has one."""
 _READ: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
-    "robot": (("name", "version"), ("link", "joint")),
+    "robot": (("name", "version"), ("link", "joint", "disable_collisions")),
+    "disable_collisions": (("link1", "link2", "reason"), ()),
     "link": (("name", "type"), ("inertial", "visual", "collision")),
     "inertial": ((), ("origin", "mass", "inertia")),
     "visual": (("name",), ("origin", "geometry")),
@@ -78,7 +79,7 @@ _READ: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
 }
 """Attributes and elements that are read, by the tag of the element that has them."""
 _SHAPED = ("visual", "collision")
-_SEVERAL = ("link", "joint", *_SHAPED)
+_SEVERAL = ("link", "joint", "disable_collisions", *_SHAPED)
 """Elements of which all are read, and not the first alone."""
 _WITHOUT_PHYSICS = ("material", "verbose", "dont_collapse")
 """Elements and attributes of pictures and programs."""

@@ -30,9 +30,11 @@ class RobotSource:
             world, else the only one with a free joint and bodies that move on it.
         packages: Folders of packages of ROS, by name; others are looked for above the file.
         arguments: Values of arguments of a xacro file, by name; others have their defaults.
+        srdf: An SRDF file, also as xacro, of whose content pairs of links that are not compared for
+            contact are read, ``<disable_collisions>``.
 
     Raises:
-        InputError: If a value has another type, or a folder does not exist.
+        InputError: If a value has another type, or a folder or the SRDF file does not exist.
 
     Example:
         >>> robot = ff.RobotSource("planar_2dof", packages={"my_arm_description": "/tmp"})
@@ -44,6 +46,7 @@ class RobotSource:
     root: str | None = None
     packages: Mapping[str, str | Path] = field(default_factory=dict, hash=False)
     arguments: Mapping[str, str | float | bool] = field(default_factory=dict, hash=False)
+    srdf: str | Path | None = None
 
     def __post_init__(self) -> None:
         if not isinstance(self.urdf, os.PathLike):
@@ -56,6 +59,9 @@ class RobotSource:
         require_type("arguments", self.arguments, Mapping, "a map from argument to value")
         for name, value in self.arguments.items():
             require_type(f"arguments.{name}", value, str | Real, "text, a number, true or false")
+        require_type("srdf", self.srdf, str | Path | None, "an SRDF file")
+        if self.srdf is not None and not is_file(Path(self.srdf)):
+            raise InputError("srdf", f"{self.srdf}: no such file", "an SRDF file")
 
     @classmethod
     def of(cls, urdf: str | Path | RobotSource) -> RobotSource:
@@ -80,7 +86,12 @@ class RobotSource:
     @property
     def altered(self) -> bool:
         """Whether the robot is not the one that the file alone describes."""
-        return bool(self.root or self.arguments)
+        return bool(self.root or self.arguments or self.srdf)
+
+    @property
+    def semantics(self) -> RobotSource | None:
+        """The SRDF file, which is read as the robot's own."""
+        return None if self.srdf is None else RobotSource(self.srdf, packages=self.packages)
 
     def read(self) -> UrdfText:
         """Text of the URDF, also of what a xacro or MJCF file describes.

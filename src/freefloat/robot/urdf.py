@@ -30,6 +30,7 @@ from freefloat.robot.free_base import with_free_base
 from freefloat.robot.not_read import SHAPES, what_is_not_read
 from freefloat.robot.shapes import Box, Capsule, Cylinder, MeshFile, Shape, Sphere
 from freefloat.robot.source import RobotSource
+from freefloat.robot.srdf import add_pairs, disabled_pairs
 from freefloat.robot.urdf_numbers import AttributeReader, are_numbers
 from freefloat.robot.urdf_text import Element, robot_element
 from freefloat.robot.urdf_versions import read_version
@@ -58,6 +59,11 @@ def parse_urdf(urdf: str | Path | RobotSource) -> RobotDescription:
     robot = robot_element(read, source)
     rename_meshes(robot, robot_source.mesh_name)
     not_read = (*read.not_read, *what_is_not_read(robot))
+    files = read.files
+    if (srdf := robot_source.semantics) is not None:
+        pairs = srdf.read()
+        not_read += tuple(add_pairs(robot, pairs, srdf.name))
+        files += pairs.files
     reader = AttributeReader(source)
     read_version(robot, reader)
     description = with_free_base(replace(decode(robot, source), not_read=not_read), robot)
@@ -67,7 +73,7 @@ def parse_urdf(urdf: str | Path | RobotSource) -> RobotDescription:
     return replace(
         description,
         diagnostics=(*reader.diagnostics, *description.diagnostics, *warnings),
-        files=read.files,
+        files=files,
         frames=frozenset(read.frames),
         arguments=read.arguments,
         altered=robot_source.altered,
@@ -98,6 +104,7 @@ def decode(robot: Element, source: str) -> RobotDescription:
         source=source,
         lines=_lines([], robot),
         diagnostics=tuple(decoder.diagnostics),
+        disabled_pairs=disabled_pairs(robot),
     )
 
 
@@ -105,8 +112,9 @@ def revised(robot: RobotDescription, element: Element) -> RobotDescription:
     """A robot with the records of an element that was made of its own; its file stays."""
     new = decode(element, robot.source)
     return replace(
-        robot, name=new.name, links=new.links, joints=new.joints, text=new.text, lines=new.lines
-    )
+        robot, name=new.name, links=new.links, joints=new.joints, text=new.text, lines=new.lines,
+        disabled_pairs=new.disabled_pairs,
+    )  # fmt: skip
 
 
 class _ElementDecoder(AttributeReader):

@@ -33,10 +33,25 @@ _SRDF = {"group", "group_state", "disable_collisions", "virtual_joint", "passive
 
 
 def robot_element(read: UrdfText, source: str) -> Element:
+    """The ``<robot>`` element of a URDF, see :func:`root_element`.
+
+    Raises:
+        ModelError: As :func:`root_element`, or if it has no link.
+    """
+    robot = root_element(read, source)
+    if robot.find("link") is None:
+        srdf = any(child.tag in _SRDF for child in robot)
+        problem = "it is SRDF, which has groups of joints and no link" if srdf else "it has no link"
+        accepted = f"a URDF with a <link>{'; robot.srdf of a scenario names SRDF' * srdf}"
+        raise ModelError("urdf", problem, accepted, source, robot.sourceline)
+    return robot
+
+
+def root_element(read: UrdfText, source: str) -> Element:
     """The ``<robot>`` element of a text, its namespace removed; without lines if converted.
 
     Raises:
-        ModelError: If the text is not XML, declares a DTD, or is no URDF.
+        ModelError: If the text is not XML, declares a DTD, or has another root element.
     """
     text = read.text.removeprefix("\ufeff")
     if (declared := _DECLARATION.match(text)) is not None:  # it says nothing that is not known
@@ -53,10 +68,6 @@ def robot_element(read: UrdfText, source: str) -> Element:
         known = _FORMATS.get(robot.tag)
         problem = f"it is {known}" if known else f"its root element is <{shown_tag(robot)}>"
         raise ModelError("urdf", problem, f"{ACCEPTED}; a URDF begins with <robot>", source, line)
-    if robot.find("link") is None:
-        srdf = any(child.tag in _SRDF for child in robot)
-        problem = "it is SRDF, which has groups of joints and no link" if srdf else "it has no link"
-        raise ModelError("urdf", problem, "a URDF with a <link>", source, line)
     return robot
 
 

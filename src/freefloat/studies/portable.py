@@ -138,7 +138,7 @@ def _file_names(
     elif isinstance(node, list):
         for value in node:
             yield from _file_names(value, section, key)
-    elif isinstance(node, str) and key in ("urdf", "mesh", "samples"):
+    elif isinstance(node, str) and key in ("urdf", "srdf", "mesh", "samples"):
         yield key, node, section
 
 

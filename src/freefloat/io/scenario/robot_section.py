@@ -131,6 +131,9 @@ class RobotSection(Section):
     arguments: dict[Name, ArgumentValue] = Field(default={}, max_length=100)
     """Values of arguments of a xacro file, by name: text, numbers, true or false; others have their
     defaults."""
+    srdf: Name | None = None
+    """An SRDF file, relative to the scenario file: links of its ``disable_collisions`` may touch,
+    and nothing else of it is read."""
     scale_mass: Factor | dict[str, Factor] = 1.0
     """Factor on mass and inertia of every link, or a map from link to factor."""
     spacecraft: SpacecraftSection | None = None
@@ -173,7 +176,8 @@ class RobotSection(Section):
         folder = scenario.parent
         with error_context(scenario, "robot."):
             file = find_robot(self.urdf, folder)
-            return RobotSource(file, self.root, self._packages(folder), self.arguments)
+            srdf = None if self.srdf is None else folder / self.srdf
+            return RobotSource(file, self.root, self._packages(folder), self.arguments, srdf)
 
     def parts(self, scenario: Path) -> list[Attachment]:
         """Further URDFs; raises the InputErrors of :meth:`source`."""
