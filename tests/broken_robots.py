@@ -117,8 +117,10 @@ FAULTS = {
         "warning", "joint shoulder", '<axis xyz="0 0 1"/>', '<axis xyz="0 3 4"/>'),
     "an axis without direction": Fault(
         "error", "joint shoulder", '<axis xyz="0 0 1"/>', '<axis xyz="0 0 0"/>'),
-    "a mimic": Fault(
-        "warning", "joint shoulder", LIMIT, LIMIT + '\n    <mimic joint="elbow" multiplier="2"/>'),
+    "a mimic of nothing": Fault(
+        "error", "joint shoulder", LIMIT, LIMIT + '\n    <mimic joint="elbo" multiplier="2"/>'),
+    "a mimic of itself": Fault(
+        "error", "joint shoulder", LIMIT, LIMIT + '\n    <mimic joint="shoulder"/>'),
     "a missing mesh": Fault(
         "warning", "link bus", "</inertial>", f"</inertial>{_MESH}", at="<mesh filename"),
     "two parents": Fault(

@@ -24,7 +24,6 @@ UNUSED = {
     "friction": ("shoulder", '<dynamics friction="0.5"/>', "friction"),
     "a soft limit": ("shoulder", '<safety_controller soft_upper_limit="1"/>', "soft_upper_limit"),
     "calibration": ("shoulder", '<calibration rising="0"/>', ""),
-    "mimic": ("shoulder", '<mimic joint="elbow" multiplier="2"/>', ""),
     "an unknown element of a joint": ("shoulder", "<hardware/>", ""),
     "a second limit": ("shoulder", '<limit lower="-1" upper="1"/>', ""),
     "a misspelt inertial": ("hand", '<intertial><mass value="3"/></intertial>', ""),

@@ -171,7 +171,6 @@ def test_a_spoilt_robot_has_an_error_or_can_be_built(text: str) -> None:
 EXPECTED = {
     "planar_3dof": ["link link_3"],  # 1.5 kg m² of 1 kg: Table I
     "spatial_6dof": ["link link_3"],  # 0.001, 1.7, 7.5: Table II
-    "panda": ["joint panda_finger_joint2"],  # a mimic
     # wrists of the real arm have a radius of 0.06 m, their inertias are those of 0.6 m
     "ur5": [f"link wrist_{k}_link" for k in (1, 2, 3)],
 }

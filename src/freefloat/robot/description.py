@@ -123,6 +123,15 @@ class Link:
         return tuple(shape for shape in self.shapes if shape.kind == "collision")
 
 
+@dataclass(frozen=True)
+class Mimic:
+    """The joint that another one follows: its value times the multiplier, plus the offset."""
+
+    joint: str
+    multiplier: float
+    offset: float
+
+
 @dataclass(frozen=True, eq=False)
 class Joint:
     """A joint.
@@ -140,7 +149,7 @@ class Joint:
         effort: Rated torque or force [N m or N]; None where the URDF has none.
         acceleration: Rated acceleration [rad/s² or m/s²]; None where the URDF has none.
         jerk: Rated jerk [rad/s³ or m/s³]; None where the URDF has none.
-        mimic: Name of the joint that it mimics, if any.
+        mimic: What it follows, if anything.
         lines: Line of the ``joint`` and of the elements in it, by tag.
     """
 
@@ -156,7 +165,7 @@ class Joint:
     effort: float | None
     acceleration: float | None
     jerk: float | None
-    mimic: str | None
+    mimic: Mimic | None
     lines: Mapping[str, int] = field(repr=False)
     tag = "joint"
 
@@ -232,6 +241,11 @@ class RobotDescription:
         for link in self.links:
             links.setdefault(link.name, link)
         return links
+
+    @cached_property
+    def joints_by_name(self) -> Mapping[str, Joint]:
+        """Joints by name; the first of a name counts."""
+        return {joint.name: joint for joint in reversed(self.joints)}
 
     @cached_property
     def children(self) -> Mapping[str, tuple[Joint, ...]]:

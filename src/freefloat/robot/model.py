@@ -29,6 +29,7 @@ from freefloat.robot.rigid_bodies import (
     build_model,
     joints_of_arms,
     moving_joints,
+    require_uncoupled,
     require_within_ranges,
 )
 from freefloat.robot.source import RobotSource
@@ -45,7 +46,8 @@ class FreeFloatingModel:
     """A spacecraft with an arm: no external force, no actuation of the base.
 
     The joints between the spacecraft and the end-effector move, except those that are fixed by
-    name, and those of further arms that are named; all other joints of the robot are fixed. Joint
+    name, and those of further arms that are named; all other joints of the robot are fixed, those
+    that mimic others where these have them. Joint
     vectors list the moving joints from the spacecraft to the end-effector, then those of the
     further arms, arms that follow paths first, see :attr:`joint_names`. Methods refuse other
     attitudes than unit quaternions and other joint values than ``dof`` finite numbers.
@@ -53,8 +55,8 @@ class FreeFloatingModel:
     Attributes:
         description: The valid URDF.
         end_effector: Name of the link, or of the joint that moves it, that follows the path.
-        fixed_joints: Values of joints that are fixed, by name [rad or m]; zero for joints off the
-            chain that are not named.
+        fixed_joints: Values of joints that are fixed, by name [rad or m]; for joints off the chain
+            that are not named zero, or what they mimic.
         arms: End-effector links of further arms that move along joint curves, by the arm's name.
         path_arms: Those of further arms that follow paths of their own, see :meth:`with_paths`.
         base: What the spacecraft is free to do, or its value, such as ``"planar"``.
@@ -90,6 +92,7 @@ class FreeFloatingModel:
         object.__setattr__(self, "arm_dof", len(joints))
         joints += joints_of_arms(self.description, self.arms, joints, self.fixed_joints)
         object.__setattr__(self, "moving_joints", joints)
+        require_uncoupled(self.description, joints, self.fixed_joints)
         self._require_inertia()
 
     @classmethod

@@ -108,13 +108,6 @@ def _joint_values(robot: RobotDescription) -> Faults:
             unit = " ".join(f"{value:.9g}" for value in joint.axis / length + 0.0)
             problem = f"its <axis> has length {length:.6g}; only the direction is used"
             yield Fault(joint, "axis", problem, f'<axis xyz="{unit}"/>')
-        if joint.mimic is not None:
-            problem = (
-                f"freefloat ignores that it mimics {joint.mimic}: the joint moves independently "
-                "on the way to the end-effector, and is held at 0 elsewhere"
-            )
-            remedy = 'another value in robot.held of a scenario, or type="fixed"'
-            yield Fault(joint, "mimic", problem, remedy)
 
 
 def root_masses(robot: RobotDescription) -> Faults:

@@ -75,7 +75,9 @@ class ThreadData(local):
 def moving_joints(
     robot: RobotDescription, link: str, fixed_joints: Mapping[str, float], key: str = "end_effector"
 ) -> tuple[Joint, ...]:
-    """The joints that move a link, from the root link outwards, without those fixed by name.
+    """The joints that move a link, from the root link outwards.
+
+    Without those fixed by name, and those that follow others: :func:`require_uncoupled`.
 
     Args:
         robot: Robot.
@@ -106,15 +108,43 @@ def moving_joints(
         problem = f"{link!r} is fixed to the spacecraft, no joint moves it"
         accepted = f"one of {', '.join(moved)}" if moved else "a robot with joints that move"
         raise ModelError(key, problem, accepted)
-    moving = tuple(joint for joint in chain if joint.moving and joint.name not in fixed_joints)
+    held = {joint.name for joint in chain if joint.mimic} | set(fixed_joints)
+    moving = tuple(joint for joint in chain if joint.moving and joint.name not in held)
     if not moving:
-        problem = f"all joints that move {link!r} are fixed"
+        followers = ", or follow others" * any(joint.mimic for joint in chain)
+        problem = f"all joints that move {link!r} are fixed{followers}"
         raise ModelError("fixed_joints", problem, "at least one joint that moves")
     if len(moving) > _MOST_JOINTS:
         problem = f"{len(moving)} joints move {link!r}"
         accepted = f"at most {_MOST_JOINTS} that are not fixed by name (robot.held in a scenario)"
         raise ModelError("robot", problem, accepted, robot.source)
     return moving
+
+
+def require_uncoupled(
+    robot: RobotDescription, moving: Sequence[Joint], fixed_joints: Mapping[str, float]
+) -> None:
+    """Raise a ModelError if a joint that is not fixed by name follows one that moves."""
+    for joint in robot.joints:
+        leader = joint
+        while leader.mimic is not None and leader.name not in fixed_joints:
+            leader = robot.joints_by_name[leader.mimic.joint]
+        if leader is not joint and leader in moving:
+            problem = f"it mimics {leader.name}, which moves; coupled joints are not computed"
+            accepted = (
+                f"a value of {joint.name} or of {leader.name} in robot.held (fixed_joints), or an "
+                f"end_effector that {leader.name} does not move"
+            )
+            line = joint.lines.get("mimic") or None
+            raise ModelError(f"joint {joint.name}", problem, accepted, robot.source, line)
+
+
+def held_value(robot: RobotDescription, name: str, fixed_joints: Mapping[str, float]) -> float:
+    """Value of a joint that does not move [rad or m]: by name, of what it follows, or zero."""
+    mimic = robot.joints_by_name[name].mimic
+    if name in fixed_joints or mimic is None:
+        return float(fixed_joints.get(name, 0.0))
+    return mimic.multiplier * held_value(robot, mimic.joint, fixed_joints) + mimic.offset
 
 
 def require_within_ranges(robot: RobotDescription, fixed_joints: Mapping[str, float]) -> None:
@@ -197,7 +227,7 @@ def build_model(
             if joint in moving:
                 waiting[moving.index(joint)] = joint, body, at
                 continue
-            value = fixed_joints.get(joint.name, 0.0)
+            value = held_value(robot, joint.name, fixed_joints)
             places[joint.child] = (body, at @ _displacement(joint, value))
             links.append(joint.child)
     for name, (body, pose) in places.items():

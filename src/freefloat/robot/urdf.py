@@ -21,6 +21,7 @@ from freefloat.robot.description import (
     Joint,
     Link,
     LinkShape,
+    Mimic,
     RobotDescription,
     Severity,
     UrdfDiagnostic,
@@ -134,7 +135,7 @@ class _ElementDecoder(AttributeReader):
         )
 
     def joint(self, element: Element) -> Joint:
-        mimic = element.find("mimic")
+        mimic = None if element.get("type") == "fixed" else element.find("mimic")
         if element.get("type") in ("revolute", "prismatic"):
             self._complete_limit(element)
         limit = element.find("limit")
@@ -154,9 +155,12 @@ class _ElementDecoder(AttributeReader):
             lower=-math.inf if endless or lower <= -UNLIMITED else lower,
             upper=math.inf if endless or upper >= UNLIMITED else upper,
             **rated,
-            mimic=None if mimic is None else mimic.get("joint", ""),
+            mimic=None if mimic is None else Mimic(
+                mimic.get("joint", ""), float(self.numbers(mimic, "multiplier", "1")[0]),
+                self.number(mimic, "offset"),
+            ),
             lines=_lines(element, element),
-        )
+        )  # fmt: skip
 
     def _complete_limit(self, element: Element) -> None:
         """Complete the ``<limit>`` of a revolute or prismatic joint, which other readers require.

@@ -175,6 +175,24 @@ def _joints(robot: RobotDescription) -> Faults:
             yield Fault(joint, "axis", "its <axis> has no direction", 'xyz="0 0 1"')
 
 
+def _mimics(robot: RobotDescription) -> Faults:
+    """Joints that follow no joint, or themselves."""
+    for joint in robot.joints:
+        leader, steps = joint, 0
+        while leader.mimic is not None and steps <= len(robot.joints):
+            name, steps = leader.mimic.joint, steps + 1
+            if name not in robot.joints_by_name:
+                problem = f"it mimics {name or 'nothing'}, and there is no such joint"
+                yield Fault(joint, "mimic", problem, '<mimic joint=".."/> with another joint')
+                break
+            leader = robot.joints_by_name[name]
+        if steps > len(robot.joints):
+            problem = f"it mimics {joint.mimic.joint if joint.mimic else ''}, which follows it"
+            yield Fault(
+                joint, "mimic", problem, "a joint that follows none of those that follow it"
+            )
+
+
 def _refused_type(robot: RobotDescription, joint: Joint) -> tuple[str, str]:
     """Why a joint of a type that does not move is refused, and what is accepted."""
     types = f"{', '.join(MOVING)} or fixed"
@@ -203,7 +221,7 @@ def _virtual_base(robot: RobotDescription, mounted: bool) -> Faults:
         if held is not None:
             unit = "m" if held.type == "prismatic" else "rad"
             moves = f"moves from {held.lower:g} to {held.upper:g} {unit} alone"
-            problem += f"; {held.name} {f'follows {held.mimic}' if held.mimic else moves}"
+            problem += f"; {held.name} {f'follows {held.mimic.joint}' if held.mimic else moves}"
             remedy += ", with ranges of at least 2 m and a full turn"
         elif (solid := solid_link(robot, joints)) is not None:
             problem += f"; {solid} has mass or shapes"
@@ -223,4 +241,4 @@ def _total_mass(robot: RobotDescription) -> Faults:
         yield Fault(robot, "robot", "the total mass is zero", remedy)
 
 
-_ERRORS = (_names, _ends, _tree, _joints, _masses)
+_ERRORS = (_names, _ends, _tree, _joints, _mimics, _masses)

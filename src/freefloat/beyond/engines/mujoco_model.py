@@ -19,6 +19,7 @@ import numpy as np
 from freefloat.dynamics.system import System
 from freefloat.errors import InputError, require_extra
 from freefloat.robot.model import FreeFloatingModel
+from freefloat.robot.rigid_bodies import held_value
 from freefloat.rotations import Rotation
 from freefloat.so3 import Array, heading_quaternion
 
@@ -266,7 +267,7 @@ def _angular(a: Array, change: Array) -> Array:
 
 
 def _kinematic_urdf(model: FreeFloatingModel) -> str:
-    """The URDF without inertias, shapes, friction; joints that do not move are fixed at values.
+    """The URDF without inertias, shapes, friction, mimics; joints that do not move are fixed.
 
     MuJoCo takes a link called world for the ground.
     """
@@ -279,10 +280,10 @@ def _kinematic_urdf(model: FreeFloatingModel) -> str:
         for content in list(link):
             link.remove(content)
     for joint in robot.findall("joint"):
-        for friction in joint.findall("dynamics"):
-            joint.remove(friction)
+        for content in (*joint.findall("dynamics"), *joint.findall("mimic")):
+            joint.remove(content)
         if joint.get("name") not in model.joint_names:
-            _fix(joint, float(model.fixed_joints.get(joint.get("name", ""), 0.0)))
+            _fix(joint, held_value(model.description, joint.get("name", ""), model.fixed_joints))
     if not model.has_one_arm:
         _order(robot, model)
     return ET.tostring(robot, encoding="unicode")

@@ -22,6 +22,7 @@ from freefloat.robot.description import Joint
 from freefloat.robot.free_base import add_table
 from freefloat.robot.mesh_files import MeshFileError, find_mesh
 from freefloat.robot.model import FreeFloatingModel
+from freefloat.robot.rigid_bodies import held_value
 from freefloat.robot.urdf import rename_meshes
 from freefloat.robot.urdf_text import Element
 from freefloat.so3 import UPRIGHT, Array
@@ -60,7 +61,7 @@ class UrdfFile:
         model = self.model
         return tuple(
             (joint, None if joint.name in model.joint_names
-             else float(model.fixed_joints.get(joint.name, 0.0)))
+             else held_value(model.description, joint.name, model.fixed_joints))
             for joint in model.description.joints if joint.moving
         )  # fmt: skip
 

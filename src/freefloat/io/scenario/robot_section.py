@@ -144,7 +144,8 @@ class RobotSection(Section):
     """Further URDFs, fixed to links one after the other."""
     held: dict[Name, Number] = Field(default={})
     """Values [rad, m] of fixed joints; joints off the chain to the end-effector, and off those of
-    arms with a law that moves them, never move."""
+    arms with a law that moves them, never move: they are at zero, or where what they mimic has
+    them."""
     arms: dict[Name, ArmSection] = Field(default={}, max_length=20)
     """Arms by name, which have no joint in common."""
 
