@@ -243,8 +243,8 @@ class ResolvedRateSolver:
         """W divided by its mean diagonal element, shape (n, n)."""
         if self._redundancy.metric is not Metric.ENERGY:
             return self._weights
-        H = mass_matrix(self._model, self._q[7:])
-        W = H[6:, 6:] - H[6:, :6] @ base
+        H = mass_matrix(self._model, self._q[7:])  # with the armature, which ensembles leave out
+        W = H[6:, 6:] - H[6:, :6] @ base - np.diag(self._robot.armature[6:])
         return np.asarray(W / W.diagonal().mean())
 
     def _manipulability_gradient(self, base: Array, S: Array) -> Array:

@@ -149,6 +149,7 @@ class Joint:
         effort: Rated torque or force [N m or N]; None where the URDF has none.
         acceleration: Rated acceleration [rad/s² or m/s²]; None where the URDF has none.
         jerk: Rated jerk [rad/s³ or m/s³]; None where the URDF has none.
+        armature: Inertia of its rotor as the joint moves it [kg m² or kg], ``<dynamics armature>``.
         mimic: What it follows, if anything.
         lines: Line of the ``joint`` and of the elements in it, by tag.
     """
@@ -165,6 +166,7 @@ class Joint:
     effort: float | None
     acceleration: float | None
     jerk: float | None
+    armature: float
     mimic: Mimic | None
     lines: Mapping[str, int] = field(repr=False)
     tag = "joint"

@@ -17,7 +17,7 @@ from freefloat.so3 import Array, Pose
 
 FREE, PLANAR = 6, 3
 """Numbers of the freedoms of a free base, and of one on a table."""
-_NEGLIGIBLE = 1e-4
+NEGLIGIBLE = 1e-4
 """Mass of links between virtual joints, over that of the robot, which some programs require."""
 _BASES = "floating", "planar"
 """Types of joints that say how a base moves."""
@@ -113,7 +113,7 @@ def virtual_joints(robot: RobotDescription) -> tuple[Joint, ...]:
         return ()
     total = sum(link.mass for link in robot.links)
     at, joints = robot.roots[0], list[Joint]()
-    while _mass(robot, at) <= _NEGLIGIBLE * total:
+    while _mass(robot, at) <= NEGLIGIBLE * total:
         children = [*robot.rigid_groups[at].joints]
         if len(children) != 1 or children[0] not in robot.rigid_groups or len(joints) > FREE:
             return ()
@@ -124,14 +124,19 @@ def virtual_joints(robot: RobotDescription) -> tuple[Joint, ...]:
 
 def held_joint(joints: Collection[Joint]) -> Joint | None:
     """The first virtual joint that does not move freely: its range is narrow, or it is coupled."""
-    turning = [joint for joint in joints if joint.type == "revolute"]
-    for joint in joints:
-        width, needed = joint.upper - joint.lower, _WIDTHS.get(joint.type, 0.0)
-        if len(turning) == FREE // 2 and joint is turning[1]:
-            needed = _PITCH
-        if joint.mimic is not None or not width >= needed:
+    for joint, needed in zip(joints, needed_widths([joint.type for joint in joints]), strict=True):
+        if joint.mimic is not None or not joint.upper - joint.lower >= needed:
             return joint
     return None
+
+
+def needed_widths(kinds: Sequence[str]) -> list[float]:
+    """Smallest widths of the ranges of virtual joints of some types [m, rad]."""
+    widths = [_WIDTHS.get(kind, 0.0) for kind in kinds]
+    turning = [number for number, kind in enumerate(kinds) if kind == "revolute"]
+    if len(turning) == FREE // 2:
+        widths[turning[1]] = _PITCH
+    return widths
 
 
 def solid_link(robot: RobotDescription, joints: Sequence[Joint]) -> str | None:

@@ -92,10 +92,11 @@ def _body(parent: ET.Element, name: str, body: Body) -> ET.Element:
     if parent.tag == "body":
         kind = "slide" if body.prismatic else "hinge"
         finite = np.isfinite([body.lower, body.upper]).all() and body.lower < body.upper
-        limits = {"range": attribute([body.lower, body.upper])} if finite else {}
+        more = {"range": attribute([body.lower, body.upper])} if finite else {}
+        more |= {"armature": repr(body.armature)} if body.armature else {}
         _add(  # a motion may leave ranges: the plan says whether they are limits
             element, "joint", name=body.joint, type=kind, axis=attribute(body.axis),
-            limited="false", **limits,
+            limited="false", **more,
         )  # fmt: skip
     moments, axes = np.linalg.eigh(body.inertia)
     axes[:, 0] *= np.linalg.det(axes)

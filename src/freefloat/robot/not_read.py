@@ -62,8 +62,12 @@ _READ: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "visual": (("name",), ("origin", "geometry")),
     "collision": (("name", "group"), ("origin", "geometry")),
     "geometry": (("name",), SHAPES),
-    "joint": (("name", "type"), ("parent", "child", "origin", "axis", "limit", "mimic")),
+    "joint": (
+        ("name", "type"),
+        ("parent", "child", "origin", "axis", "limit", "dynamics", "mimic"),
+    ),
     "mimic": (("joint", "multiplier", "offset"), ()),
+    "dynamics": (("armature", "damping", "friction"), ()),
     "origin": (("xyz", "rpy", "quat_xyzw"), ()),
     "mass": (("value",), ()),
     "inertia": (("ixx", "ixy", "ixz", "iyy", "iyz", "izz"), ()),
@@ -171,6 +175,8 @@ def _unused_value(element: Any, key: str, value: str) -> str:
         return "a rotation in URDF 1.1; this file is URDF 1.0, which has rpy alone"
     if key == "group":
         return "which links touch; all that no joint connects are compared"
+    if element.tag == "dynamics" and not _is_zero(value):
+        return _MEANINGS.get((element.tag, key), "")
     kind = element.getparent().get("type") if element.tag == "limit" else None
     if kind == "continuous" and key in ("lower", "upper") and not _is_zero(value):
         return "an end of a range; a continuous joint has none, a revolute one has"

@@ -129,6 +129,9 @@ def _add_joints(
         etree.SubElement(element, "limit", {
             key: text_of(np.clip(value, -UNLIMITED, UNLIMITED)) for key, value in limits.items()
         })  # fmt: skip
+        if model.armature[v]:
+            armature = text_of(model.armature[v])
+            etree.SubElement(element, "dynamics", damping="0", armature=armature)
 
 
 def _add_frames(robot: Element, model: pin.Model, bodies: Mapping[int, str], links: _Links) -> None:

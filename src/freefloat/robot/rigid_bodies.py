@@ -44,6 +44,7 @@ class Body:
         rated_effort: Rated torque or force in the URDF [N m or N]; infinite where there is none.
         rated_acceleration: Rated acceleration in the URDF [rad/s² or m/s²], likewise.
         rated_jerk: Rated jerk in the URDF [rad/s³ or m/s³], likewise.
+        armature: Inertia of the joint's rotor, see :class:`.Joint` [kg m² or kg].
         mass: Mass [kg].
         centre: Centre of mass in the joint's frame [m], shape (3,).
         inertia: Inertia about the centre of mass, axes of the joint's frame [kg m²], shape (3, 3).
@@ -60,6 +61,7 @@ class Body:
     rated_effort: float
     rated_acceleration: float
     rated_jerk: float
+    armature: float
     mass: float
     centre: Array
     inertia: Array = field(repr=False)
@@ -213,6 +215,7 @@ def build_model(
                     np.inf if joint.velocity is None else joint.velocity, *_range_of(joint),
                 )),
             )  # fmt: skip
+            model.armature[model.joints[index].idx_v] = joint.armature
             places[joint.child] = (index - 1, IDENTITY)
             links.append(joint.child)
         name = links.pop(0)
@@ -281,6 +284,7 @@ def body_of(model: Any, index: int, joint: Joint | None) -> Body:
         rated_effort=effort,
         rated_acceleration=acceleration,
         rated_jerk=jerk,
+        armature=0.0 if joint is None else joint.armature,
         mass=float(inertia.mass),
         centre=frozen(inertia.lever),
         inertia=frozen(inertia.inertia),

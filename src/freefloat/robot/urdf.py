@@ -155,6 +155,7 @@ class _ElementDecoder(AttributeReader):
             lower=-math.inf if endless or lower <= -UNLIMITED else lower,
             upper=math.inf if endless or upper >= UNLIMITED else upper,
             **rated,
+            armature=self.number(element.find("dynamics"), "armature"),
             mimic=None if mimic is None else Mimic(
                 mimic.get("joint", ""), float(self.numbers(mimic, "multiplier", "1")[0]),
                 self.number(mimic, "offset"),

@@ -171,6 +171,9 @@ def _joints(robot: RobotDescription) -> Faults:
             if value is not None and value < 0.0:
                 problem = f'its <limit {key}="{value:g}"> is negative'
                 yield Fault(joint, "limit", problem, "zero or more")
+        if joint.armature < 0.0:
+            problem = f'its <dynamics armature="{joint.armature:g}"> is negative'
+            yield Fault(joint, "dynamics", problem, "zero or more")
         if np.linalg.norm(joint.axis) == 0.0:  # also that of 1e-200
             yield Fault(joint, "axis", "its <axis> has no direction", 'xyz="0 0 1"')
 

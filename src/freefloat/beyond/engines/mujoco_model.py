@@ -87,7 +87,7 @@ class MuJoCoModel:
         self.tools = [self.model.body(link).id for link in model.end_effector_links]
 
     def _set_inertias(self, model: FreeFloatingModel) -> None:
-        """Set the inertias of the moving bodies, and zero for all others."""
+        """Set the inertias of the moving bodies and rotors, and zero for all others."""
         target, moving = self.model, self._moving
         target.body_sameframe[:], target.body_simple[:] = 0, 0  # frames are shifted below
         target.body_mass[:], target.body_inertia[:] = 0.0, 0.0
@@ -98,6 +98,7 @@ class MuJoCoModel:
             target.body_inertia[index] = moments
             target.body_ipos[index] = body.centre
             target.body_iquat[index] = wxyz(Rotation.from_matrix(axes).as_quat())
+        target.dof_armature[self.base_rates :] = [body.armature for body in model.bodies[1:]]
         self._mujoco.mj_setConst(target, self.data)
 
     @property

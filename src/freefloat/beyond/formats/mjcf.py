@@ -14,17 +14,20 @@ import numpy.typing as npt
 
 from freefloat.beyond.formats.mjcf_bodies import (
     SLIDE,
-    bodies_in_world,
-    body_name,
-    body_names,
+    base_joints,
     is_on_table,
-    joint_name,
-    line,
     moves_in_plane,
     moving_joint,
     root_body,
 )
 from freefloat.beyond.formats.mjcf_not_read import SHAPES, not_read
+from freefloat.beyond.formats.mjcf_tree import (
+    bodies_in_world,
+    body_name,
+    body_names,
+    joint_name,
+    line,
+)
 from freefloat.errors import ModelError, one_line
 from freefloat.robot.bundled import is_file
 from freefloat.robot.free_base import add_table
@@ -106,9 +109,8 @@ def _files(model: Path) -> set[Path]:
 
 def _warnings(model: Any, start: int, *, named: bool) -> Iterator[tuple[str, str]]:
     """What of the model the URDF lacks, and remedies; ``named`` is whether the root was."""
-    in_world = body_names(model, bodies_in_world(model))
     _, *carriers = body_names(model, line(model, start))
-    if carriers:
+    if carriers and not base_joints(model, start):
         problem = (
             f"its root is {body_name(model, start)}; left out: {one_line(', '.join(carriers))}"
         )
@@ -116,7 +118,7 @@ def _warnings(model: Any, start: int, *, named: bool) -> Iterator[tuple[str, str
     if moves_in_plane(model, start) and not is_on_table(model, start):
         problem = f"the root {body_name(model, start)} moves in a plane; it is taken as free"
         yield problem, "nothing: the robot stays in that plane, where a free base moves alike"
-    others = [name for name in in_world if name != body_name(model, start)]
+    others = body_names(model, set(bodies_in_world(model)).difference(line(model, start)))
     if others and not named:
         left_out = one_line(", ".join(others))
         problem = f"its root is {body_name(model, start)}; left out of the world: {left_out}"
@@ -202,6 +204,8 @@ def _add_joint(robot: ET.Element, model: Any, body: int, joint: int | None, at: 
         elif kind == "prismatic":
             limits |= {"lower": "-1e9", "upper": "1e9"}
         ET.SubElement(element, "limit", limits)
+        if armature := float(model.dof_armature[model.jnt_dofadr[joint]]):
+            ET.SubElement(element, "dynamics", damping="0", armature=repr(armature))
 
 
 def _add_sites(robot: ET.Element, model: Any, anchors: Mapping[int, Array]) -> dict[str, str]:

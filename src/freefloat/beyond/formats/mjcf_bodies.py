@@ -2,29 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
 
+from freefloat.beyond.formats.mjcf_ties import tie_to_world
+from freefloat.beyond.formats.mjcf_tree import (
+    WORLD,
+    bodies_in_world,
+    body_name,
+    body_names,
+    joint_name,
+    joints_of,
+    line,
+)
 from freefloat.errors import ModelError, did_you_mean
+from freefloat.robot.free_base import NEGLIGIBLE, needed_widths
 from freefloat.so3 import Array
 
 FREE, BALL, SLIDE, HINGE = range(4)
 """Types of joints in MuJoCo."""
-WORLD = 0
-"""Number of MuJoCo's world body."""
 _KINDS = ("free", "ball", "slide", "hinge")
-_TIES = (0, 1)
-"""Types of equality constraints between bodies or sites: connect and weld."""
-_COUPLING = 2
-"""Type of equality constraints of joints."""
-_LENGTH = 3
-"""The same of tendons."""
-_HOLDS = "stiffness", "damping", "frictionloss", "armature", "limited"
-"""Properties of tendons that act without a drive."""
-_SITE, _WRAPPED_SITE = 6, 3
-"""Type of object of MuJoCo's sites, also where a tendon passes them."""
 _ORTHOGONAL = 1e-6
 """Largest difference of the determinant of three orthogonal axes from one."""
 
@@ -34,16 +33,18 @@ def root_body(model: Any, root: str | None, source: str) -> int:
 
     That is the body of a name, else the only body in the world, else the only one with a free joint
     and bodies that move on it, else, where no body has these, the only one with bodies that move on
-    it.
+    it. Bodies of negligible mass that slide or turn in the world, one on the other, carry it.
 
     Raises:
         ModelError: If there is none of that name, several could be it, or joints connect it with
             the world that do not leave it free, or a constraint ties it to the world.
     """
     found = _chosen(model, root, source)
-    joints = [joint for body in line(model, found) for joint in joints_of(model, body)]
-    moves = _is_free(model, joints) or is_on_table(model, found) or moves_in_plane(model, found)
-    if joints and not moves:
+    carried = _carried(model, found)
+    if root is None and _is_base(model, carried):
+        found = carried
+    joints = base_joints(model, found)
+    if joints and not _is_base(model, found):
         problem = (
             f"the root body {body_name(model, found)} moves in the world with "
             f"{_joint_texts(model, joints)}; a base is free in all six directions, or moves in its "
@@ -51,10 +52,11 @@ def root_body(model: Any, root: str | None, source: str) -> int:
         )
         accepted = (
             "a root body with a <freejoint/>, or without joints, which stands for free; on a table "
-            "two slides along x and y and a hinge about z, without ranges"
+            "two slides along x and y and a hinge about z; with ranges of at least 2 m and a full "
+            "turn, if any, and nothing of more than a ten thousandth of its mass on them beside it"
         )
         raise ModelError("root", problem, accepted, source)
-    if (tie := _tie(model, found)) is not None:
+    if (tie := tie_to_world(model, found)) is not None:
         problem = f"{tie} ties the robot of {body_name(model, found)}"
         accepted = "a robot that no equality, tendon or flex ties to what is fixed"
         raise ModelError("root", f"{problem} to the world", accepted, source)
@@ -72,7 +74,7 @@ def _chosen(model: Any, root: str | None, source: str) -> int:
     carriers = {line(model, body)[-1] for body in range(1, model.nbody)
                 if model.body_parentid[body] != WORLD and model.body_jntnum[body]}  # fmt: skip
     arms = [body for body in in_world if body in carriers]
-    free = [body for body in arms if _is_free(model, joints_of(model, body))]
+    free = [body for body in arms if _is_free(model, body)]
     candidates = in_world if len(in_world) == 1 else free or arms
     if len(candidates) == 1:
         return candidates[0]
@@ -82,38 +84,74 @@ def _chosen(model: Any, root: str | None, source: str) -> int:
     raise ModelError("root", problem, accepted, source)
 
 
-def _is_free(model: Any, joints: Iterable[int]) -> bool:
+def _carried(model: Any, body: int) -> int:
+    """A body, or the first one with mass of those that it carries, one on the other."""
+    while model.body_mass[body] <= NEGLIGIBLE * model.body_subtreemass[body]:
+        children = np.flatnonzero(model.body_parentid == body)
+        if len(children) != 1:
+            break
+        body = int(children[0])
+    return body
+
+
+def base_joints(model: Any, root: int) -> list[int]:
+    """Numbers of the joints that move a root in the world, from the world to it."""
+    return [joint for body in reversed(line(model, root)) for joint in joints_of(model, body)]
+
+
+def _is_base(model: Any, root: int) -> bool:
+    """Whether joints that move a root leave it free, or on a table, with nothing else to move."""
+    alone = float(model.body_subtreemass[root])
+    others = float(model.body_subtreemass[line(model, root)[-1]]) - alone
+    if others > NEGLIGIBLE * alone or not _are_wide(model, base_joints(model, root)):
+        return False
+    return _is_free(model, root) or is_on_table(model, root) or moves_in_plane(model, root)
+
+
+def _are_wide(model: Any, joints: list[int]) -> bool:
+    """Whether ranges of joints leave a base free."""
+    sliding = (model.jnt_type[joints] == SLIDE).tolist()
+    needed = needed_widths(["prismatic" if slides else "revolute" for slides in sliding])
+    narrow = np.ptp(model.jnt_range[joints], axis=1) < needed
+    return not (model.jnt_limited[joints] & narrow).any()
+
+
+def _axes(model: Any, joints: list[int], root: int) -> Array:
+    """Axes of joints in the frame of a root, in the model's pose, shape (J, 3)."""
+    import mujoco
+
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    return np.asarray(data.xaxis[joints] @ data.xmat[root].reshape(3, 3))
+
+
+def _is_free(model: Any, root: int) -> bool:
     """Whether joints of a root are one free joint, or several that are as good as one.
 
-    Those are three slides, then a ball or three hinges, along and about orthogonal axes, without
-    ranges.
+    Those are three slides, then a ball or three hinges, along and about orthogonal axes.
     """
-    numbers = list(joints)
-    kinds = [int(model.jnt_type[joint]) for joint in numbers]
-    turning = kinds[3:] in ([BALL], [HINGE] * 3)
-    if kinds[:3] != [SLIDE] * 3 or not turning or len(set(model.jnt_bodyid[numbers])) != 1:
+    joints = base_joints(model, root)
+    kinds = [int(model.jnt_type[joint]) for joint in joints]
+    if kinds[:3] != [SLIDE] * 3 or kinds[3:] not in ([BALL], [HINGE] * 3):
         return kinds == [FREE]
-    triads = np.split(model.jnt_axis[numbers], [3])
-    orthogonal = all(
-        abs(abs(np.linalg.det(axes)) - 1.0) < _ORTHOGONAL for axes in triads if len(axes) == 3
-    )
-    return bool(orthogonal) and not model.jnt_limited[numbers].any()
+    triads = np.split(_axes(model, joints, root), [3])
+    volumes = [abs(np.linalg.det(axes)) for axes in triads if len(axes) == 3]
+    return bool(np.abs(np.array(volumes) - 1.0).max() < _ORTHOGONAL)
 
 
 def is_on_table(model: Any, root: int) -> bool:
-    """Whether two slides and a hinge, without ranges, move a root in its x-y plane."""
-    joints = list(joints_of(model, root))
-    if not _slides_and_turns(model, joints) or line(model, root)[1:]:
+    """Whether two slides and a hinge move a root in its x-y plane."""
+    joints = base_joints(model, root)
+    if not _slides_and_turns(model, joints):
         return False
-    axes, kinds = model.jnt_axis[joints], model.jnt_type[joints]
+    axes, kinds = _axes(model, joints, root), model.jnt_type[joints]
     upright = np.abs(axes[kinds == HINGE][0, :2]).max() + np.abs(axes[kinds == SLIDE][:, 2]).max()
     return bool(abs(np.linalg.det(axes)) > _ORTHOGONAL and upright < _ORTHOGONAL)
 
 
 def _slides_and_turns(model: Any, joints: list[int]) -> bool:
-    """Whether joints are two slides and a hinge without ranges."""
-    kinds = sorted(int(model.jnt_type[joint]) for joint in joints)
-    return kinds == [SLIDE, SLIDE, HINGE] and not model.jnt_limited[joints].any()
+    """Whether joints are two slides and a hinge."""
+    return sorted(int(model.jnt_type[joint]) for joint in joints) == [SLIDE, SLIDE, HINGE]
 
 
 def moves_in_plane(model: Any, root: int) -> bool:
@@ -125,13 +163,14 @@ def moves_in_plane(model: Any, root: int) -> bool:
     """
     import mujoco
 
-    joints = list(joints_of(model, root))
-    if not _slides_and_turns(model, joints) or line(model, root)[1:]:
+    joints = base_joints(model, root)
+    if not _slides_and_turns(model, joints):
         return False
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     bodies = [body for body in range(1, model.nbody) if root in line(model, body)]
-    every = [joint for body in bodies for joint in joints_of(model, body)]
+    own = (joint for body in bodies if body != root for joint in joints_of(model, body))
+    every = [*joints, *own]
     turning = model.jnt_type[every] == HINGE
     normal = data.xaxis[next(joint for joint in joints if model.jnt_type[joint] == HINGE)]
     across = np.abs(data.xaxis[every] @ normal)
@@ -144,62 +183,6 @@ def moves_in_plane(model: Any, root: int) -> bool:
         and np.abs(across - turning).max() < _ORTHOGONAL
         and np.abs(products).max() < _ORTHOGONAL * np.abs(moments).max()
         and np.ptp(heights) < _ORTHOGONAL * float(np.abs(data.xipos).max() + 1.0)
-    )
-
-
-def _tie(model: Any, root: int) -> str | None:
-    """What ties a body of a root's robot to the world: an active constraint, a tendon, or a flex.
-
-    Bodies without joints in the world, and those that are moved from outside, are as the world. One
-    that couples a joint of the root ties it, too.
-    """
-    robot = [body for body in range(1, model.nbody) if root in line(model, body)]
-    joints = {joint for body in line(model, root) for joint in joints_of(model, body)}
-    constraint = "an active equality constraint"
-    for number in np.flatnonzero(model.eq_active0):
-        ends = [int(model.eq_obj1id[number]), int(model.eq_obj2id[number])]
-        if int(model.eq_type[number]) == _COUPLING and joints & set(ends):
-            return constraint
-        if int(model.eq_type[number]) not in _TIES:
-            continue
-        if int(model.eq_objtype[number]) == _SITE:
-            ends = [int(model.site_bodyid[site]) for site in ends]
-        if _joins(model, ends, robot):
-            return constraint
-    held = _held_tendons(model)
-    for tendon in range(model.ntendon):
-        first = int(model.tendon_adr[tendon])
-        wraps = slice(first, first + int(model.tendon_num[tendon]))
-        sites = model.wrap_objid[wraps][model.wrap_type[wraps] == _WRAPPED_SITE]
-        if held[tendon] and _joins(model, model.site_bodyid[sites].tolist(), robot):
-            return f"the tendon {model.tendon(tendon).name or tendon}"
-    for flex in range(model.nflex):
-        first = int(model.flex_vertadr[flex])
-        vertices = slice(first, first + int(model.flex_vertnum[flex]))
-        if _joins(model, model.flex_vertbodyid[vertices].tolist(), robot):
-            import mujoco
-
-            name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_FLEX, flex)
-            return f"the flex {name or flex}"
-    return None
-
-
-def _held_tendons(model: Any) -> Array:
-    """Which tendons act on their ends without a drive, shape (T,)."""
-    held = np.zeros(model.ntendon, dtype=bool)
-    for name in _HOLDS:
-        held |= getattr(model, f"tendon_{name}") != 0
-    of_length = model.eq_active0.astype(bool) & (model.eq_type == _LENGTH)
-    for ends in (model.eq_obj1id, model.eq_obj2id):
-        held[ends[of_length & (ends >= 0)]] = True
-    return held
-
-
-def _joins(model: Any, bodies: Sequence[int], robot: Collection[int]) -> bool:
-    """Whether bodies are of a robot and of what is fixed, or is moved from outside."""
-    others = [body for body in bodies if body not in robot]
-    return len(others) < len(bodies) and any(
-        model.body_weldid[body] == WORLD or model.body_mocapid[body] >= 0 for body in others
     )
 
 
@@ -217,43 +200,6 @@ def moving_joint(model: Any, body: int, source: str) -> int | None:
         accepted = "one hinge or slide for each body that moves on the root"
         raise ModelError("urdf", problem, accepted, source)
     return joints[0]
-
-
-def bodies_in_world(model: Any) -> list[int]:
-    """Numbers of the bodies in the world."""
-    return [body for body in range(1, model.nbody) if model.body_parentid[body] == WORLD]
-
-
-def line(model: Any, body: int) -> list[int]:
-    """A body and those that carry it, up to the one in the world."""
-    bodies = [body]
-    while model.body_parentid[bodies[-1]] != WORLD:
-        bodies.append(int(model.body_parentid[bodies[-1]]))
-    return bodies
-
-
-def joints_of(model: Any, body: int) -> range:
-    """Numbers of the joints of a body."""
-    first = int(model.body_jntadr[body])
-    return range(first, first + int(model.body_jntnum[body]))
-
-
-def body_name(model: Any, body: int) -> str:
-    """Name of a body, or one made of its number."""
-    return str(model.body(body).name) or f"body_{body}"
-
-
-def body_names(model: Any, bodies: Iterable[int]) -> list[str]:
-    """Names of bodies."""
-    return [body_name(model, body) for body in bodies]
-
-
-def joint_name(model: Any, joint: int) -> str:
-    """Name of a joint, or one made of the name of its body, with a number if that has several."""
-    body = int(model.jnt_bodyid[joint])
-    several = joints_of(model, body)
-    number = f"_{several.index(joint) + 1}" if len(several) > 1 else ""
-    return str(model.joint(joint).name) or f"{body_name(model, body)}_joint{number}"
 
 
 def _joint_texts(model: Any, joints: Iterable[int]) -> str:

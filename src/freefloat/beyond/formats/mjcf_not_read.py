@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 from lxml import etree
 
-from freefloat.beyond.formats.mjcf_bodies import SLIDE, WORLD, body_name, joint_name, joints_of
+from freefloat.beyond.formats.mjcf_bodies import SLIDE, base_joints
+from freefloat.beyond.formats.mjcf_tree import WORLD, body_name, joint_name, joints_of
 from freefloat.robot.bundled import read_text
 from freefloat.robot.not_read import NotRead
 
@@ -39,7 +40,7 @@ _PROPERTIES = {
         "actgravcomp": ("actuatorgravcomp", "compensation of gravity; there is none"),
     },
     "dof": {
-        "armature": ("armature", "inertia of a rotor; bodies have the mass properties they state"),
+        "armature": ("armature", "inertia that the base has in some directions; it has its mass"),
         "damping": ("damping", f"viscous friction; {_RIGID}"),
         "dampingpoly": ("damping", f"viscous friction; {_RIGID}"),
         "frictionloss": ("frictionloss", f"dry friction; {_RIGID}"),
@@ -110,9 +111,13 @@ def _of_model(model: Any, bodies: Collection[int], lines: Lines) -> Iterator[Not
     import mujoco
 
     plain = mujoco.MjModel.from_xml_string(_PLAIN)
+    for joint in base_joints(model, min(bodies)):
+        yield from _of_joint(model, plain, joint, lines, base=True)
     for body in range(1, model.nbody):
         if body in bodies:
             yield from _of_body(model, plain, body, lines)
+            for joint in joints_of(model, body) if body != min(bodies) else ():
+                yield from _of_joint(model, plain, joint, lines, base=False)
         elif model.body_parentid[body] == WORLD or model.body_parentid[body] in bodies:
             name = body_name(model, body)
             yield NotRead(f"body {name}", "", lines.get(("body", name)), "it is left out")
@@ -126,22 +131,12 @@ def _of_model(model: Any, bodies: Collection[int], lines: Lines) -> Iterator[Not
 
 
 def _of_body(model: Any, plain: Any, body: int, lines: Lines) -> Iterator[NotRead]:
-    """What is not used of a body, its joints and its geoms."""
+    """What is not used of a body and its geoms."""
     name = body_name(model, body)
     element, line = f"body {name}", lines.get(("body", name))
     yield from _properties(model, plain, ("body", body, 1), element, line)
     if model.body_mocapid[body] >= 0:
         yield NotRead(element, "mocap", line, "a body that is moved from outside; it floats freely")
-    for joint in joints_of(model, body):
-        label = joint_name(model, joint)
-        element, line = f"joint {label}", lines.get(("joint", label))
-        yield from _properties(model, plain, ("jnt", joint, 0), element, line)
-        first, place = int(model.jnt_dofadr[joint]), int(model.jnt_qposadr[joint])
-        last = first + 1 if model.jnt_type[joint] >= SLIDE else first + 6
-        for dof in range(first, last):
-            yield from _properties(model, plain, ("dof", dof, 0), element, line)
-        if last == first + 1 and model.qpos_spring[place] != 0.0:  # stated, also without stiffness
-            yield NotRead(element, "springref", line, f"a spring; {_RIGID}")
     geoms = int(model.body_geomadr[body])
     for geom in range(geoms, geoms + int(model.body_geomnum[body])):
         label = str(model.geom(geom).name)
@@ -152,6 +147,23 @@ def _of_body(model: Any, plain: Any, body: int, lines: Lines) -> Iterator[NotRea
             shape = _OTHER_SHAPES.get(kind, "shape")
             yield NotRead(element, "type", line, f"this {shape} {_UNSHAPED}")
         yield from _properties(model, plain, ("geom", geom, 0), element, line)
+
+
+def _of_joint(model: Any, plain: Any, joint: int, lines: Lines, *, base: bool) -> Iterator[NotRead]:
+    """What is not used of a joint, of the base or of the arm."""
+    label = joint_name(model, joint)
+    element, line = f"joint {label}", lines.get(("joint", label))
+    yield from _properties(model, plain, ("jnt", joint, 0), element, line)
+    if base and model.jnt_limited[joint]:
+        yield NotRead(element, "range", line, "limits of motion in the world; the base has none")
+    first, place = int(model.jnt_dofadr[joint]), int(model.jnt_qposadr[joint])
+    last = first + 1 if model.jnt_type[joint] >= SLIDE else first + 6
+    for dof in range(first, last):
+        for entry in _properties(model, plain, ("dof", dof, 0), element, line):
+            if base or entry.attribute != "armature":
+                yield entry
+    if last == first + 1 and model.qpos_spring[place] != 0.0:  # stated, also without stiffness
+        yield NotRead(element, "springref", line, f"a spring; {_RIGID}")
 
 
 def _properties(
