@@ -118,7 +118,7 @@ FAULTS = {
     "an axis without direction": Fault(
         "error", "joint shoulder", '<axis xyz="0 0 1"/>', '<axis xyz="0 0 0"/>'),
     "a mimic of nothing": Fault(
-        "error", "joint shoulder", LIMIT, LIMIT + '\n    <mimic joint="elbo" multiplier="2"/>'),
+        "warning", "joint shoulder", LIMIT, LIMIT + '\n    <mimic joint="elbo" multiplier="2"/>'),
     "a mimic of itself": Fault(
         "error", "joint shoulder", LIMIT, LIMIT + '\n    <mimic joint="shoulder"/>'),
     "a missing mesh": Fault(

@@ -54,6 +54,8 @@ def with_free_base(robot: RobotDescription, element: Element) -> RobotDescriptio
         base = Base.PLANAR if on_table else base
     links = {link.name for link in robot.links} - kept
     joints = {joint.name for joint in robot.joints if joint.parent not in kept}
+    if any(joint.mimic and joint.mimic.joint in joints for joint in robot.joints):
+        return robot
     for child in element.xpath("link | joint | disable_collisions | *[@reference]"):
         named = {child.get(key) for key in ("reference", "name", "link1", "link2")}
         if not named.isdisjoint(joints if child.tag == "joint" else links):

@@ -135,7 +135,6 @@ class _ElementDecoder(AttributeReader):
         )
 
     def joint(self, element: Element) -> Joint:
-        mimic = None if element.get("type") == "fixed" else element.find("mimic")
         if element.get("type") in ("revolute", "prismatic"):
             self._complete_limit(element)
         limit = element.find("limit")
@@ -156,12 +155,23 @@ class _ElementDecoder(AttributeReader):
             upper=math.inf if endless or upper >= UNLIMITED else upper,
             **rated,
             armature=self.number(element.find("dynamics"), "armature"),
-            mimic=None if mimic is None else Mimic(
-                mimic.get("joint", ""), float(self.numbers(mimic, "multiplier", "1")[0]),
-                self.number(mimic, "offset"),
-            ),
+            mimic=self._mimic(element),
             lines=_lines(element, element),
         )  # fmt: skip
+
+    def _mimic(self, element: Element) -> Mimic | None:
+        """What a joint follows; nothing where there is no such joint."""
+        mimic = None if element.get("type") == "fixed" else element.find("mimic")
+        if mimic is None:
+            return None
+        name = mimic.get("joint", "")
+        if name not in element.getparent().xpath("joint/@name"):
+            problem = f"it mimics {name or 'nothing'}, and there is no such joint"
+            remedy = "the name of another joint; it follows none"
+            self.report(Severity.WARNING, mimic, problem, remedy)
+            return None
+        multiplier, offset = self.numbers(mimic, "multiplier", "1"), self.number(mimic, "offset")
+        return Mimic(name, float(multiplier[0]), offset)
 
     def _complete_limit(self, element: Element) -> None:
         """Complete the ``<limit>`` of a revolute or prismatic joint, which other readers require.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
 from typing import Any
 
 from lxml import etree
@@ -16,10 +17,14 @@ Element = Any
 ACCEPTED = "a URDF, xacro or MJCF (MuJoCo) file"
 _DECLARATION = re.compile(r"(?>\s*+(?:<!--.*?-->\s*+)*+)<\?xml\s.*?\?>", re.DOTALL)
 """The XML declaration with what precedes it, where XML permits nothing."""
+_ROOT = re.compile(r"(?>(?:\s|<!--.*?-->|<\?.*?\?>)*+)<[\w.:-]+", re.DOTALL)
+"""The beginning of the root element, with what precedes it."""
+_UNDECLARED = re.compile(r"Namespace prefix (\S+) .*not defined")
 _FORMATS = {
     "sdf": "SDF, the format of Gazebo",
     "gazebo": "SDF, the format of Gazebo",
     "mujoco": "MJCF, which is read from a file, not as text",
+    "mujocoinclude": "a part of a model of MuJoCo, which another file includes",
     "COLLADA": "a COLLADA mesh",
     "package": "the package.xml of a package of ROS",
     "launch": "a launch file of ROS",
@@ -42,6 +47,7 @@ def robot_element(read: UrdfText, source: str) -> Element:
     if robot.find("link") is None:
         srdf = any(child.tag in _SRDF for child in robot)
         problem = "it is SRDF, which has groups of joints and no link" if srdf else "it has no link"
+        problem += ", as files of macros for others" * (Path(source).suffix == ".xacro")
         accepted = f"a URDF with a <link>{'; robot.srdf of a scenario names SRDF' * srdf}"
         raise ModelError("urdf", problem, accepted, source, robot.sourceline)
     return robot
@@ -91,6 +97,9 @@ def _parsed(text: str, source: str) -> Element:
     except etree.XMLSyntaxError as error:
         if "prefix xacro" in error.msg:  # which is not declared
             raise _xacro_error(source, error.lineno) from None
+        if (prefix := _UNDECLARED.match(error.msg)) and (root := _ROOT.match(text)):
+            declaration = f' xmlns:{prefix[1]}="{prefix[1]}"'  # which other readers do not demand
+            return _parsed(f"{root[0]}{declaration}{text[root.end() :]}", source)
         problem = f"not well-formed XML ({error.msg})"
         raise ModelError("urdf", problem, "a URDF file", source, error.lineno) from None
 

@@ -179,21 +179,15 @@ def _joints(robot: RobotDescription) -> Faults:
 
 
 def _mimics(robot: RobotDescription) -> Faults:
-    """Joints that follow no joint, or themselves."""
+    """Joints that follow themselves."""
     for joint in robot.joints:
-        leader, steps = joint, 0
-        while leader.mimic is not None and steps <= len(robot.joints):
-            name, steps = leader.mimic.joint, steps + 1
-            if name not in robot.joints_by_name:
-                problem = f"it mimics {name or 'nothing'}, and there is no such joint"
-                yield Fault(joint, "mimic", problem, '<mimic joint=".."/> with another joint')
-                break
-            leader = robot.joints_by_name[name]
-        if steps > len(robot.joints):
-            problem = f"it mimics {joint.mimic.joint if joint.mimic else ''}, which follows it"
-            yield Fault(
-                joint, "mimic", problem, "a joint that follows none of those that follow it"
-            )
+        leader, followers = joint, set[str]()
+        while leader.mimic is not None and leader.name not in followers:
+            followers.add(leader.name)
+            leader = robot.joints_by_name[leader.mimic.joint]
+        if joint.mimic is not None and leader.mimic is not None:
+            problem = f"it mimics {joint.mimic.joint}, and so itself"
+            yield Fault(joint, "mimic", problem, "a joint that does not follow it")
 
 
 def _refused_type(robot: RobotDescription, joint: Joint) -> tuple[str, str]:
