@@ -224,6 +224,32 @@ def test_bases_on_massless_carriages_float_on_a_table(around: str, tmp_path: Pat
         assert error_key(loaded, 1.0) == "root"
 
 
+def test_bodies_with_several_joints_and_arms_in_the_world(tmp_path: Path) -> None:
+    """Poses are MuJoCo's; the world carries what stands in it, and is replaced by a spacecraft."""
+    geom = '<geom size="0.1" pos="0.1 0.2 0" mass="2"/>'
+    file = tmp_path / "arm.xml"
+    file.write_text(f"""<mujoco><compiler angle="radian"/><worldbody><geom size="1"/>
+      <body name="arm" pos="0.1 0 0.3" euler="0.2 0.4 0.1">{geom}
+        <joint name="a" axis="0 0 1" pos="0.1 0 0" ref="0.3"/>
+        <joint name="b" type="slide" axis="1 0 1" ref="-0.2"/>
+        <joint name="c" axis="0 1 0" pos="0 0.2 0.1"/>
+        <body name="hand" pos="0.5 0 0.1" euler="0 0 1"><joint name="d" axis="1 0 0"/>{geom}</body>
+      </body><body name="client" pos="3 0 0"><freejoint/>{geom}</body></worldbody></mujoco>""")
+    assert "--root world" in error("info", file)["accepted"]
+    craft = ff.Spacecraft(100.0, [9.0, 8.0, 7.0])
+    model = ff.FreeFloatingModel.from_urdf(ff.RobotSource(file, "world"), "hand", spacecraft=craft)
+    assert (model.joint_names, model.total_mass) == (("a", "b", "c", "d"), pytest.approx(104.0))
+    robot = mujoco.MjModel.from_xml_path(str(file))
+    state, still = mujoco.MjData(robot), [0.0, 0.0, 0.0, 1.0]
+    for joints in np.random.default_rng(0).uniform(-2.0, 2.0, (3, 4)):
+        state.qpos[:4] = joints
+        mujoco.mj_kinematics(robot, state)
+        pose, body = model.end_effector_pose(still, joints), state.body("hand")
+        away = pose.position - model.base_position(still, joints)
+        np.testing.assert_allclose(away, body.xpos, atol=1e-12)
+        np.testing.assert_allclose(pose.rotation.ravel(), body.xmat, atol=1e-12)
+
+
 SITES = {
     "tip": 'class="tip" pos="0.1 0.2 0.3"',
     "quat": 'pos="0 0 1" quat="1 2 -1 0.5"',

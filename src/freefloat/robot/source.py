@@ -27,7 +27,8 @@ class RobotSource:
         urdf: A URDF, xacro or MJCF file, XML text of a URDF, or a name: of a bundled robot, as
             ``"spatial_6dof"``, ``"example-robot-data:ur10"``, ``"robot_descriptions:panda"``.
         root: Body of a model of MuJoCo that is the spacecraft; default: the only body in the
-            world, else the only one with a free joint and bodies that move on it.
+            world, else the only one with a free joint and bodies that move on it. ``"world"`` is a
+            root without mass for arms that stand in the world.
         packages: Folders of packages of ROS, by name; others are looked for above the file.
         arguments: Values of arguments of a xacro file, by name; others have their defaults.
         srdf: An SRDF file, also as xacro, of whose content pairs of links that are not compared for

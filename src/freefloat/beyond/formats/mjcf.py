@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -15,13 +15,15 @@ import numpy.typing as npt
 from freefloat.beyond.formats.mjcf_bodies import (
     SLIDE,
     base_joints,
+    bodies_of,
     is_on_table,
     moves_in_plane,
-    moving_joint,
+    moving_joints,
     root_body,
 )
 from freefloat.beyond.formats.mjcf_not_read import SHAPES, not_read
 from freefloat.beyond.formats.mjcf_tree import (
+    WORLD,
     bodies_in_world,
     body_name,
     body_names,
@@ -49,29 +51,29 @@ def read(file: str, root: str | None = None) -> UrdfText:
 
     Args:
         file: The file.
-        root: The body that becomes the root link; default: see :func:`root_body`.
+        root: The body that becomes the root link; default: see :func:`root_body`. The world is
+            one without mass, for arms that stand in it.
 
     Raises:
         ModelError: If MuJoCo refuses the model, no body or several could be the root, the root is
-            not free, or a body has several joints or a ball joint.
+            not free, or a body has a ball joint.
     """
     model = _load(file)
     if model.nbody > _MOST:
         raise ModelError("urdf", f"it has {model.nbody:,} bodies", f"at most {_MOST:,}", file)
     start = root_body(model, root, file)
-    bodies = [body for body in range(1, model.nbody) if start in line(model, body)]
+    bodies = bodies_of(model, start)
     robot = ET.Element("robot", name=Path(file).stem, version="1.1")  # which has capsules
-    joints = {body: None if body == start else moving_joint(model, body, file) for body in bodies}
-    anchors = {body: np.zeros(3) if joint is None else model.jnt_pos[joint].copy()
-               for body, joint in joints.items()}  # fmt: skip
+    joints = {body: [] if body == start else moving_joints(model, body, file) for body in bodies}
+    anchors = {body: model.jnt_pos[moving[-1]].copy() if moving else np.zeros(3)
+               for body, moving in joints.items()}  # fmt: skip
     for body in bodies:
         link = ET.SubElement(robot, "link", name=body_name(model, body))
-        _add_inertial(link, model, body, anchors[body])
-        _add_shapes(link, model, body, anchors[body])
+        if body != WORLD:
+            _add_inertial(link, model, body, anchors[body])
+            _add_shapes(link, model, body, anchors[body])
         if body != start:
-            parent = anchors[int(model.body_parentid[body])]
-            at = model.body_pos[body] + _matrix(model.body_quat[body]) @ anchors[body] - parent
-            _add_joint(robot, model, body, joints[body], at)
+            _add_joints(robot, model, body, joints[body], anchors)
     if is_on_table(model, start):
         add_table(robot, body_name(model, start))
     sites = _add_sites(robot, model, anchors)
@@ -175,16 +177,36 @@ def _add_shapes(link: ET.Element, model: Any, body: int, anchor: Array) -> None:
         ET.SubElement(material, "color", rgba=_text(model.geom_rgba[geom]))
 
 
-def _add_joint(robot: ET.Element, model: Any, body: int, joint: int | None, at: Array) -> None:
-    """Add the joint between a body and its parent, at a position in the parent's link frame."""
-    name, kind = f"{body_name(model, body)}_fixed", "fixed"
+def _add_joints(
+    robot: ET.Element, model: Any, body: int, joints: Sequence[int], anchors: Mapping[int, Array]
+) -> None:
+    """Add the joints between a body and its parent, several of them with links between them."""
+    parent, child = int(model.body_parentid[body]), body_name(model, body)
+    carrier, origin = body_name(model, parent), model.body_pos[body] - anchors[parent]
+    rotation = _matrix(model.body_quat[body])
+    for joint in joints[:-1]:
+        link = f"{joint_name(model, joint)}_of_{child}"
+        ET.SubElement(robot, "link", name=link)
+        at = origin + rotation @ model.jnt_pos[joint]
+        _add_joint(robot, model, joint, (carrier, link), (at, rotation))
+        carrier, origin, rotation = link, -model.jnt_pos[joint], np.eye(3)
+    at = origin + rotation @ anchors[body]
+    _add_joint(robot, model, joints[-1] if joints else None, (carrier, child), (at, rotation))
+
+
+def _add_joint(
+    robot: ET.Element, model: Any, joint: int | None, ends: tuple[str, str],
+    origin: tuple[Array, Array],
+) -> None:  # fmt: skip
+    """Add a joint between two links, at a position and rotation in the first one's frame."""
+    at, rotation = origin
+    name, kind = f"{ends[1]}_fixed", "fixed"
     if joint is not None:
         limited = bool(model.jnt_limited[joint])
         name = joint_name(model, joint)
         turning = "revolute" if limited else "continuous"
         kind = "prismatic" if int(model.jnt_type[joint]) == SLIDE else turning
     element = ET.SubElement(robot, "joint", name=name, type=kind)
-    rotation = _matrix(model.body_quat[body])
     if joint is not None:  # the joint's value in the model's pose need not be zero
         value, axis = float(model.qpos0[model.jnt_qposadr[joint]]), model.jnt_axis[joint]
         if kind == "prismatic":
@@ -193,8 +215,8 @@ def _add_joint(robot: ET.Element, model: Any, body: int, joint: int | None, at: 
             half = np.concatenate([[np.cos(value / 2.0)], -np.sin(value / 2.0) * axis])
             rotation = rotation @ _matrix(half)
     _add_origin(element, at, rotation)
-    ET.SubElement(element, "parent", link=body_name(model, int(model.body_parentid[body])))
-    ET.SubElement(element, "child", link=body_name(model, body))
+    ET.SubElement(element, "parent", link=ends[0])
+    ET.SubElement(element, "child", link=ends[1])
     if joint is not None:
         ET.SubElement(element, "axis", xyz=_text(model.jnt_axis[joint]))
         limits = {"effort": _EFFORT, "velocity": _VELOCITY}

@@ -31,9 +31,10 @@ _ORTHOGONAL = 1e-6
 def root_body(model: Any, root: str | None, source: str) -> int:
     """Number of the body that is the spacecraft.
 
-    That is the body of a name, else the only body in the world, else the only one with a free joint
-    and bodies that move on it, else, where no body has these, the only one with bodies that move on
-    it. Bodies of negligible mass that slide or turn in the world, one on the other, carry it.
+    That is the body of a name, also the world's, else the only body in the world, else the only one
+    with a free joint and bodies that move on it, else, where no body has these, the only one with
+    bodies that move on it. Bodies of negligible mass that slide or turn in the world, one on the
+    other, carry it.
 
     Raises:
         ModelError: If there is none of that name, several could be it, or joints connect it with
@@ -51,12 +52,13 @@ def root_body(model: Any, root: str | None, source: str) -> int:
             "x-y plane"
         )
         accepted = (
-            "a root body with a <freejoint/>, or without joints, which stands for free; on a table "
-            "two slides along x and y and a hinge about z; with ranges of at least 2 m and a full "
+            "--root world (robot.root in a scenario) for an arm that stands in the world; a root "
+            "body with a <freejoint/>, or without joints, which stands for free; on a table two "
+            "slides along x and y and a hinge about z; with ranges of at least 2 m and a full "
             "turn, if any, and nothing of more than a ten thousandth of its mass on them beside it"
         )
         raise ModelError("root", problem, accepted, source)
-    if (tie := tie_to_world(model, found)) is not None:
+    if found != WORLD and (tie := tie_to_world(model, found)) is not None:
         problem = f"{tie} ties the robot of {body_name(model, found)}"
         accepted = "a robot that no equality, tendon or flex ties to what is fixed"
         raise ModelError("root", f"{problem} to the world", accepted, source)
@@ -64,12 +66,12 @@ def root_body(model: Any, root: str | None, source: str) -> int:
 
 
 def _chosen(model: Any, root: str | None, source: str) -> int:
-    names = body_names(model, range(1, model.nbody))
+    names = body_names(model, range(model.nbody))
     if root is not None:
         if root not in names:
             problem = f"the model has no body {root!r}{did_you_mean(root, names)}"
             raise ModelError("root", problem, f"one of {', '.join(names)}", source)
-        return names.index(root) + 1
+        return names.index(root)
     in_world = bodies_in_world(model)
     carriers = {line(model, body)[-1] for body in range(1, model.nbody)
                 if model.body_parentid[body] != WORLD and model.body_jntnum[body]}  # fmt: skip
@@ -80,7 +82,10 @@ def _chosen(model: Any, root: str | None, source: str) -> int:
         return candidates[0]
     known = ", ".join(body_names(model, candidates or in_world))
     problem = f"{len(candidates)} of its {len(in_world)} bodies in the world could be the root"
-    accepted = f"--root BODY (robot.root in a scenario), one of {known or 'its bodies'}"
+    accepted = (
+        f"--root BODY (robot.root in a scenario), one of {known or 'its bodies'}; --root world for "
+        "all that stands in the world"
+    )
     raise ModelError("root", problem, accepted, source)
 
 
@@ -186,20 +191,29 @@ def moves_in_plane(model: Any, root: int) -> bool:
     )
 
 
-def moving_joint(model: Any, body: int, source: str) -> int | None:
-    """Number of the joint that moves a body in its parent; None where there is none.
+def moving_joints(model: Any, body: int, source: str) -> list[int]:
+    """Numbers of the joints that move a body in its parent, one after the other.
 
     Raises:
-        ModelError: If the body has several joints, or one that is no hinge or slide.
+        ModelError: If one is no hinge or slide.
     """
-    joints = joints_of(model, body)
-    if not joints:
-        return None
-    if len(joints) > 1 or int(model.jnt_type[joints[0]]) not in (SLIDE, HINGE):
+    joints = list(joints_of(model, body))
+    if not set(model.jnt_type[joints].tolist()) <= {SLIDE, HINGE}:
         problem = f"the body {body_name(model, body)} moves with {_joint_texts(model, joints)}"
-        accepted = "one hinge or slide for each body that moves on the root"
+        accepted = "hinges and slides for bodies that move on the root"
         raise ModelError("urdf", problem, accepted, source)
-    return joints[0]
+    return joints
+
+
+def bodies_of(model: Any, root: int) -> list[int]:
+    """Numbers of a root and the bodies that it carries; on the world those that do not float."""
+    if root != WORLD:
+        return [body for body in range(1, model.nbody) if root in line(model, body)]
+    floating = {
+        body for body in bodies_in_world(model)
+        if model.body_mocapid[body] >= 0 or _is_free(model, body)
+    }  # fmt: skip
+    return [body for body in range(model.nbody) if line(model, body)[-1] not in floating]
 
 
 def _joint_texts(model: Any, joints: Iterable[int]) -> str:

@@ -124,7 +124,8 @@ class RobotSection(Section):
     default: what the file says, otherwise free."""
     root: Name | None = None
     """Of a model of MuJoCo, the body that is the spacecraft; default: the only body in the world,
-    else the only one with a free joint and bodies that move on it."""
+    else the only one with a free joint and bodies that move on it. ``world`` is a root without mass
+    for arms that stand in the world."""
     packages: dict[Name, Name] = Field(default={}, max_length=100)
     """Folders of packages of ROS, by name, relative to the scenario file; others are looked for
     above the file that needs them."""
