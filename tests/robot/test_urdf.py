@@ -8,6 +8,7 @@ import re
 from pathlib import Path
 
 import numpy as np
+import pinocchio as pin
 import pytest
 import yourdfpy
 from hypothesis import given
@@ -20,7 +21,9 @@ from freefloat.robot.robot_packages import example_robots
 from freefloat.robot.shapes import MeshFile
 from freefloat.robot.urdf import parse_urdf
 from freefloat.robot.validation import read_urdf
+from tests.broken_robots import VALID
 from tests.commands import error, run
+from tests.errors import error_key
 from tests.robots import Robot, inertial_text, joint_text, link_text, robots
 
 BUS = link_text("bus", inertial_text(100.0, 10.0 * np.eye(3)))
@@ -100,6 +103,18 @@ def test_other_formats_are_refused_by_name(text: str, tmp_path: Path) -> None:
     (name,) = [name for word, name in known.items() if f"<{word}" in text] or ["it is"]
     assert name in refused(tmp_path / "robot.sdf").problem
     assert run("info", tmp_path / "robot.sdf").exit_code == 2
+
+
+def test_prefixes_need_no_declaration() -> None:
+    """As in Pinocchio's reader; what has them is listed."""
+    limit = '<limit drake:acceleration="3" isaac:stiffness="1"'
+    text = VALID.replace("<limit", limit, 1).replace("</robot>", "<drake:filter/></robot>")
+    assert pin.buildModelFromXML(text).nv == 2
+    entries = [(entry.element, entry.attribute) for entry in read_urdf(text).not_read]
+    assert ("drake:filter", "") in entries
+    assert sum("acceleration" in attribute for _, attribute in entries) == 1
+    many = "".join(f"<p{number}:a/>" for number in range(2000))
+    assert error_key(read_urdf, VALID.replace("</robot>", f"{many}</robot>")) == "urdf"
 
 
 def test_files_that_cannot_be_read_are_refused(tmp_path: Path) -> None:

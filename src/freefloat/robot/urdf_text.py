@@ -20,6 +20,8 @@ _DECLARATION = re.compile(r"(?>\s*+(?:<!--.*?-->\s*+)*+)<\?xml\s.*?\?>", re.DOTA
 _ROOT = re.compile(r"(?>(?:\s|<!--.*?-->|<\?.*?\?>)*+)<[\w.:-]+", re.DOTALL)
 """The beginning of the root element, with what precedes it."""
 _UNDECLARED = re.compile(r"Namespace prefix (\S+) .*not defined")
+_MOST_PREFIXES = 20
+"""Number of undeclared prefixes that a file may have."""
 _FORMATS = {
     "sdf": "SDF, the format of Gazebo",
     "gazebo": "SDF, the format of Gazebo",
@@ -77,7 +79,7 @@ def root_element(read: UrdfText, source: str) -> Element:
     return robot
 
 
-def _parsed(text: str, source: str) -> Element:
+def _parsed(text: str, source: str, prefixes: int = _MOST_PREFIXES) -> Element:
     first = text.lstrip()
     if not first.startswith("<"):
         raise ModelError("urdf", "it is not XML" if first else "it is empty", ACCEPTED, source)
@@ -97,9 +99,10 @@ def _parsed(text: str, source: str) -> Element:
     except etree.XMLSyntaxError as error:
         if "prefix xacro" in error.msg:  # which is not declared
             raise _xacro_error(source, error.lineno) from None
-        if (prefix := _UNDECLARED.match(error.msg)) and (root := _ROOT.match(text)):
-            declaration = f' xmlns:{prefix[1]}="{prefix[1]}"'  # which other readers do not demand
-            return _parsed(f"{root[0]}{declaration}{text[root.end() :]}", source)
+        undeclared, start = _UNDECLARED.match(error.msg), _ROOT.match(text)
+        if undeclared and start and prefixes:  # which other readers accept
+            prefix, rest = undeclared[1], text[start.end() :]
+            return _parsed(f'{start[0]} xmlns:{prefix}="{prefix}"{rest}', source, prefixes - 1)
         problem = f"not well-formed XML ({error.msg})"
         raise ModelError("urdf", problem, "a URDF file", source, error.lineno) from None
 
