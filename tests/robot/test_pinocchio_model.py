@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -209,6 +210,15 @@ def test_other_joints_off_the_arm_are_fixed_at_neutral() -> None:
     expected = jacobian(model, "tip", q)
     np.testing.assert_allclose(ff.generalized_jacobian(robot, q), expected, rtol=0.0, atol=1e-12)
     assert error_key(ff.FreeFloatingModel.from_pinocchio, model, "screw") == "joint screw"
+
+
+def test_mimics_of_moving_joints_are_refused() -> None:
+    robot = ff.FreeFloatingModel.from_urdf("planar_3dof", "end_effector")
+    coupled = re.sub('(name="q2" type.*?)</joint>', r'\1<mimic joint="q1"/></joint>',
+                     robot.description.text, count=1, flags=re.DOTALL)  # fmt: skip
+    model = pin.buildModelFromXML(coupled, pin.JointModelFreeFlyer(), mimic=True)
+    for link in robot.body_names[1:]:
+        assert error_key(ff.FreeFloatingModel.from_pinocchio, model, link) == "joint q2"
 
 
 def test_tiny_and_massless_bodies_stay() -> None:

@@ -142,8 +142,8 @@ def _tables(summary: RobotSummary, default_link: bool) -> Iterator[RenderableTyp
     pairs = ", ".join(f"{joint.parent} - {joint.child}" for joint in joints)
     yield f"not compared for contact, because a joint connects them: {pairs}"
     if disabled := model.description.disabled_pairs:
-        pairs = ", ".join(sorted(" - ".join(sorted(pair)) for pair in disabled))
-        yield f"not compared for contact, because <disable_collisions> names them: {pairs}"
+        pairs = one_line(", ".join(sorted(" - ".join(sorted(pair)) for pair in disabled)))
+        yield f"not compared for contact, because SRDF disables {len(disabled)} pairs: {pairs}"
 
 
 def _remarks(summary: RobotSummary) -> Iterator[RenderableType]:

@@ -25,7 +25,10 @@ _RANKS = (
     pin.FrameType.BODY, pin.FrameType.OP_FRAME, pin.FrameType.SENSOR, pin.FrameType.FIXED_JOINT
 )  # fmt: skip
 """Types of frames; of several frames with one name the first type counts."""
-_JOINTS = "revolute and prismatic joints to the end-effector, and a free-flyer or planar root"
+_JOINTS = (
+    "revolute and prismatic joints to the end-effector, which no other mimics, and a free-flyer or "
+    "planar root"
+)
 _SHAPES = "a box, sphere, cylinder or capsule, or a mesh with a file"
 _Links = Mapping[str, tuple[int, Any]]
 """Of each link the joint that moves it, and its placement in that joint's frame."""
@@ -106,15 +109,17 @@ def _add_joints(
     """Add the joints between bodies; those that are neither revolute nor prismatic are fixed.
 
     Raises:
-        ModelError: If such a joint is on the path to the end-effector.
+        ModelError: If such a joint is on the path to the end-effector, or mimics one that is.
     """
     data = model.createData()
     pin.forwardKinematics(model, data, pin.neutral(model))
+    pairs = (list(getattr(model, ends, ())) for ends in ("mimicking_joints", "mimicked_joints"))
+    leaders = dict(zip(*pairs, strict=True))
     for joint, name in list(bodies.items())[1:]:
         kind, S = model.joints[joint], np.ravel(data.joints[joint].S)
         own, parent = model.names[joint], bodies[model.parents[joint]]
         if kind.nv != 1 or (S[:3].any() and S[3:].any()):
-            if joint in path:
+            if joint in path or leaders.get(joint) in path:
                 raise ModelError(f"joint {own}", f"it is a {kind.shortname()}", _JOINTS)
             _add_joint(robot, own, "fixed", (parent, name), data.liMi[joint])
             continue
