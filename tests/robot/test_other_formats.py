@@ -155,6 +155,7 @@ def test_a_model_of_mujoco_has_the_same_dynamics(name: str, tmp_path: Path) -> N
 def test_models_of_mujoco_that_are_no_arms_are_refused(tmp_path: Path) -> None:
     file = tmp_path / "robot.xml"
     bodies = {
+        "no body": '<geom size="1"/>',
         "two roots": '<body name="a"><geom size="1"/></body><body name="b"><geom size="1"/></body>',
         "ball": '<body name="a"><freejoint/><geom size="1"/><body name="b"><joint type="ball"/>'
                 '<geom size="1"/></body></body>',
@@ -162,7 +163,7 @@ def test_models_of_mujoco_that_are_no_arms_are_refused(tmp_path: Path) -> None:
     }  # fmt: skip
     for name, text in bodies.items():
         file.write_text(f"<mujoco><worldbody>{text}</worldbody></mujoco>")
-        key = "root" if name == "two roots" else "urdf"
+        key = "root" if name in ("no body", "two roots") else "urdf"
         assert error_key(ff.FreeFloatingModel.from_urdf, file) == key
 
 

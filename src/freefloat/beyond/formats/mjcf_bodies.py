@@ -41,8 +41,7 @@ def root_body(model: Any, root: str | None, source: str) -> int:
             the world that do not leave it free, or a constraint ties it to the world.
     """
     found = _chosen(model, root, source)
-    carried = _carried(model, found)
-    if root is None and _is_base(model, carried):
+    if root is None and _is_base(model, carried := _carried(model, found)):
         found = carried
     joints = base_joints(model, found)
     if joints and not _is_base(model, found):
@@ -73,6 +72,8 @@ def _chosen(model: Any, root: str | None, source: str) -> int:
             raise ModelError("root", problem, f"one of {', '.join(names)}", source)
         return names.index(root)
     in_world = bodies_in_world(model)
+    if not in_world:
+        raise ModelError("root", "the model has no body", "a file with a robot", source)
     carriers = {line(model, body)[-1] for body in range(1, model.nbody)
                 if model.body_parentid[body] != WORLD and model.body_jntnum[body]}  # fmt: skip
     arms = [body for body in in_world if body in carriers]
