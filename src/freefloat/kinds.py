@@ -11,6 +11,8 @@ from freefloat.errors import InputError
 
 READERS = {"xacro": "freefloat.beyond.formats.xacro", "mjcf": "freefloat.beyond.formats.mjcf"}
 """Modules whose function ``read`` returns the URDF of a file."""
+SRDF = "beyond.formats.srdf:add_pairs"
+"""Adds the pairs of an SRDF file to a robot."""
 ENGINES = {"mujoco": "beyond.engines.engine_runs:MuJoCo"}
 """Classes of other engines that repeat motions, by the name of the engine and of its extra."""
 

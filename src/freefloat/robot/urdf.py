@@ -14,6 +14,7 @@ import numpy as np
 from lxml import etree
 
 from freefloat.errors import ModelError
+from freefloat.kinds import SRDF, named
 from freefloat.robot.description import (
     IDENTITY,
     Colour,
@@ -31,9 +32,8 @@ from freefloat.robot.free_base import with_free_base
 from freefloat.robot.not_read import SHAPES, what_is_not_read
 from freefloat.robot.shapes import Box, Capsule, Cylinder, MeshFile, Shape, Sphere
 from freefloat.robot.source import RobotSource
-from freefloat.robot.srdf import add_pairs, disabled_pairs
 from freefloat.robot.urdf_numbers import AttributeReader, are_numbers
-from freefloat.robot.urdf_text import Element, robot_element
+from freefloat.robot.urdf_text import PAIR, Element, robot_element
 from freefloat.robot.urdf_versions import read_version
 from freefloat.so3 import Pose, frozen
 
@@ -63,7 +63,7 @@ def parse_urdf(urdf: str | Path | RobotSource) -> RobotDescription:
     files = read.files
     if (srdf := robot_source.semantics) is not None:
         pairs = srdf.read()
-        not_read += tuple(add_pairs(robot, pairs, srdf.name))
+        not_read += tuple(named(SRDF)(robot, pairs, srdf.name))
         files += pairs.files
     reader = AttributeReader(source)
     read_version(robot, reader)
@@ -105,7 +105,9 @@ def decode(robot: Element, source: str) -> RobotDescription:
         source=source,
         lines=_lines([], robot),
         diagnostics=tuple(decoder.diagnostics),
-        disabled_pairs=disabled_pairs(robot),
+        disabled_pairs=frozenset(
+            frozenset((pair.get("link1", ""), pair.get("link2", ""))) for pair in robot.iter(PAIR)
+        ),
     )
 
 

@@ -35,7 +35,9 @@ _FORMATS = {
     "KinBody": "a body of OpenRAVE",
 }
 """Files that are given in place of a URDF, by their root element."""
-_SRDF = {"group", "group_state", "disable_collisions", "virtual_joint", "passive_joint"}
+PAIR = "disable_collisions"
+"""Tag of two links that are not compared, in SRDF and where its pairs were added to a URDF."""
+_SRDF = {"group", "group_state", PAIR, "virtual_joint", "passive_joint"}
 """Elements of SRDF, whose root element is that of URDF."""
 
 

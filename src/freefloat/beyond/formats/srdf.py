@@ -9,10 +9,8 @@ from lxml import etree
 from freefloat.errors import ModelError, did_you_mean
 from freefloat.robot.not_read import NotRead, shown_tag
 from freefloat.robot.reader_process import UrdfText
-from freefloat.robot.urdf_text import Element, root_element
+from freefloat.robot.urdf_text import PAIR, Element, root_element
 
-PAIR = "disable_collisions"
-"""Tag of a pair, in SRDF and in the URDF of a robot to which its pairs were added."""
 _ENDS = "link1", "link2"
 _MEANINGS = {
     "group": "joints for a planner; end_effector names the arm",
@@ -46,11 +44,6 @@ def add_pairs(robot: Element, read: UrdfText, source: str) -> Iterator[NotRead]:
                 accepted = f"links of the URDF{did_you_mean(name, links)}"
                 raise ModelError("srdf", problem, accepted, source, line)
         etree.SubElement(robot, PAIR, {key: pair.get(key) for key in _ENDS})
-
-
-def disabled_pairs(robot: Element) -> frozenset[frozenset[str]]:
-    """Pairs of links of a ``<robot>`` that are not compared."""
-    return frozenset(frozenset(pair.get(key, "") for key in _ENDS) for pair in robot.iterfind(PAIR))
 
 
 def _not_read(element: Element) -> NotRead:
