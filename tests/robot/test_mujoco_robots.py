@@ -250,6 +250,12 @@ def test_bodies_with_several_joints_and_arms_in_the_world(tmp_path: Path) -> Non
         np.testing.assert_allclose(pose.rotation.ravel(), body.xmat, atol=1e-12)
 
 
+def test_what_mujoco_accepts_need_not_be_xml(tmp_path: Path) -> None:
+    file = written(tmp_path)
+    file.write_text(file.read_text().replace('mass="5"', 'mass="5"solref="0.1 1"'))
+    assert ff.FreeFloatingModel.from_urdf(file, "hand").dof == 3
+
+
 SITES = {
     "tip": 'class="tip" pos="0.1 0.2 0.3"',
     "quat": 'pos="0 0 1" quat="1 2 -1 0.5"',

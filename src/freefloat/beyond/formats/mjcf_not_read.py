@@ -237,7 +237,7 @@ def _parsed(path: Path) -> Any:
     try:
         text = read_text(path)
         root = etree.fromstring(text.encode(), parser)
-    except ValueError:  # as errors of the syntax are
+    except (ValueError, SyntaxError):
         return None
     lines = text.split("\n")
     for element in root.iter("*"):  # lxml has the line of a start tag's end
