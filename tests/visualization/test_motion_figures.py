@@ -59,7 +59,7 @@ def test_the_motion_is_drawn_as_it_is(spatial: SimulatedBranch) -> None:
     turns = euler_angles(trajectory.attitudes)
     for k in range(6):
         for panel, values in ((joints, trajectory.joints), (rates, trajectory.joint_rates)):
-            drawn = line(panel, f"$q_{{{k + 1}}}$")
+            drawn = line(panel, f"q{k + 1}")
             assert np.array_equal(drawn[:, 0], trajectory.times)
             assert np.allclose(drawn[:, 1], np.degrees(values[:, k]))
     for k, letter in enumerate("xyz"):

@@ -71,6 +71,8 @@ _SCREEN = 130.0
 """Resolution of figures in notebooks [dots per inch]."""
 _CROWDED, _LONGEST_LINE = 6, 8
 """Number of entries above which a legend's lines are set tighter, and the most in a line."""
+_SAMPLE, _LETTERS = 4, 64
+"""Letters that are as wide as the line beside a name, and the most in a line of a legend."""
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -172,8 +174,9 @@ def draw_point(axes: Any, position: Array, marker: str, size: float, **style: An
 
 def legend_above(axes: Any, columns: int | None = None, longest: int = _LONGEST_LINE) -> None:
     """Put the legend above the axes: in lines of at most some names, or centred in columns."""
-    count = len(axes.get_legend_handles_labels()[0])
-    lines = max(1, -(-count // longest))
+    names = axes.get_legend_handles_labels()[1]
+    count, letters = len(names), max(map(len, names), default=0) + _SAMPLE
+    lines = max(1, -(-count // min(longest, max(1, _LETTERS // letters))))
     columns_needed = columns or max(1, -(-count // lines))
     crowded = columns is None and count > min(_CROWDED, longest)
     axes.legend(

@@ -24,7 +24,6 @@ from freefloat.visualization.figure_style import (
 from freefloat.visualization.figures.motion_figures import (
     attitude_curves,
     draw_curves,
-    joint_names,
     joint_scale,
     mark_times,
     shown_times,
@@ -85,7 +84,7 @@ def _draw(panels: Any, motion: Motion, longest: int) -> None:
     curves = [
         (f"$S$ ({measure.title})", trajectory.measure[:, None], ("S",), measure.unit),
         ("heading" if problem.has_headings else attitude, angles, names, "deg"),
-        ("joints", scale * trajectory.joints, joint_names(problem.model), unit),
+        ("joints", scale * trajectory.joints, problem.model.joint_names, unit),
     ]
     for panel, (quantity, values, names, quantity_unit) in zip(panels, curves, strict=True):
         draw_curves(panel, trajectory.times, values, names)

@@ -7,11 +7,13 @@ from textwrap import fill
 from typing import Any
 
 import numpy as np
+from matplotlib.cm import ScalarMappable
 from matplotlib.colors import ListedColormap, Normalize
 from matplotlib.figure import Figure
-from matplotlib.patches import Circle, Patch
+from matplotlib.patches import Annulus, Circle, Patch
 from matplotlib.patheffects import Normal, Stroke
 from matplotlib.ticker import MaxNLocator
+from scipy.ndimage import distance_transform_edt
 
 from freefloat.ensemble.endings import COMPLETED, LIMITED, SINGULAR, UNREACHED
 from freefloat.ensemble.wrist_flips import has_wrist_flipped_branches
@@ -63,15 +65,17 @@ def slices_figure(result: AttitudeMap, slices: Sequence[Slice]) -> Figure:
     highest = max(result.largest_margin, *(float(np.nanmax(plane.margins)) for plane in slices))
     norm = Normalize(threshold, max(highest, threshold))
     for axes, plane in zip(panels, slices, strict=True):
-        shown = _draw_slice(axes, plane, norm)
+        _draw_slice(axes, plane, norm)
     if highest > threshold:
-        bar = figure.colorbar(shown, ax=panels.tolist(), shrink=0.9, aspect=30.0, pad=0.02)
+        bar = figure.colorbar(
+            ScalarMappable(norm, _SHADES), ax=panels.tolist(), shrink=0.9, aspect=30.0, pad=0.02
+        )
         bar.set_label(_label(result, f" of the best {'start' if redundant else 'arm branch'}"))
         bar.ax.spines["outline"].set_linewidth(0.6)
     marks = {str(line.get_label()): line for axes in panels for line in axes.get_lines()}
     handles = [*marks.values(), *_patches(result, slices)]
     step = np.degrees(slices[0].ticks[1] - slices[0].ticks[0])
-    cells = f"A cell of {step:.1f}° shows the attitude at its middle."
+    cells = f"Computed every {step:.1f}°, linear in between."
     figure.legend(
         handles=handles, title=cells, title_fontsize=7.0, loc="outside lower center",
         ncols=max(1, len(handles)),
@@ -99,20 +103,15 @@ def _label(result: AttitudeMap, words: str = "") -> str:
     return axis_label(f"minimum |{measure.title}|{words}", measure.unit)
 
 
-def _draw_slice(axes: Any, plane: Slice, norm: Normalize) -> Any:
+def _draw_slice(axes: Any, plane: Slice, norm: Normalize) -> None:
     """Draw a slice: coloured if feasible, grey if not, hatched if the start is not reached."""
-    ticks = np.degrees(plane.ticks)
-    inside = ~np.isnan(plane.margins)
     radius = np.degrees(np.sqrt(max(0.0, np.pi**2 - plane.offset**2)))
-    ball = Circle((0.0, 0.0), radius, facecolor="white", edgecolor=GREY, linewidth=0.8)
-    axes.add_patch(ball)
-    axes.add_patch(Circle((0.0, 0.0), radius, fill=False, edgecolor=GREY, linewidth=0.0,
-                          hatch="////"))  # fmt: skip
-    below = np.where(inside & plane.reached & (plane.margins == 0.0), 1.0, np.nan)
-    feasible = np.where(inside & (plane.margins > 0.0), plane.margins, np.nan)
-    style = {"shading": "nearest", "rasterized": True, "clip_path": ball, "zorder": 2}
-    axes.pcolormesh(ticks, ticks, below, cmap=ListedColormap([PALE]), **style)
-    shown = axes.pcolormesh(ticks, ticks, feasible, cmap=_SHADES, norm=norm, **style)
+    unreached: Any = {"facecolor": "white", "edgecolor": GREY, "linewidth": 0.0, "hatch": "////"}
+    axes.add_patch(Circle((0.0, 0.0), radius, **unreached))
+    _draw_area(axes, plane, plane.reached, np.ones_like(plane.margins), ListedColormap([PALE]))
+    _draw_area(axes, plane, plane.margins > 0.0, plane.margins, _SHADES, norm)
+    outside: Any = {"facecolor": "white", "edgecolor": GREY, "linewidth": 0.8, "zorder": 2.2}
+    axes.add_patch(Annulus((0.0, 0.0), 360.0, 360.0 - radius, **outside))
     right, up = plane.across
     if plane.mark is not None:
         place = np.degrees(rotation_vectors(plane.mark.attitude[None])[0])
@@ -123,7 +122,20 @@ def _draw_slice(axes: Any, plane: Slice, norm: Normalize) -> Any:
             label=plane.mark.name, zorder=4,
         )  # fmt: skip
     _frame(axes, plane)
-    return shown
+
+
+def _draw_area(
+    axes: Any, plane: Slice, within: Any, values: Array, colours: Any, norm: Normalize | None = None
+) -> None:
+    """Draw values between samples, linear, in the area that ends halfway to samples outside it."""
+    if not within.any():
+        return
+    ticks = np.degrees(plane.ticks)
+    nearest = distance_transform_edt(~within, return_distances=False, return_indices=True)
+    style = {"shading": "gouraud", "rasterized": True, "zorder": 2}
+    shown = axes.pcolormesh(ticks, ticks, values[tuple(nearest)], cmap=colours, norm=norm, **style)
+    area = axes.contourf(ticks, ticks, within.astype(float), [0.5, 2.0], alpha=0.0)
+    shown.set_clip_path(area.get_paths()[0], transform=axes.transData)
 
 
 def _frame(axes: Any, plane: Slice) -> None:

@@ -89,11 +89,6 @@ def joint_scale(model: FreeFloatingModel) -> tuple[float, str]:
     return (1.0, "rad, m") if prismatic else (np.degrees(1.0), "deg")
 
 
-def joint_names(model: FreeFloatingModel) -> list[str]:
-    """The names of the joints in legends."""
-    return [f"$q_{{{number}}}$" for number in range(1, model.dof + 1)]
-
-
 def attitude_curves(problem: Problem, trajectory: Trajectory) -> tuple[str, Array, Sequence[str]]:
     """Quantity, values [deg], shape (K, 1) or (K, 3), and names of attitude angles."""
     if problem.has_headings:
@@ -114,7 +109,7 @@ def _motion_figure(motion: Motion, trajectory: Trajectory) -> Figure:
     figure = new_figure(PAGE, 5.0)
     panels = figure.subplots(3, 2, sharex=True)
     scale, unit = joint_scale(problem.model)
-    joints = joint_names(problem.model)
+    joints = problem.model.joint_names
     axes: Sequence[str] = _AXES
     level, spun, frame = axes, "xyz", np.eye(3)
     if problem.has_headings:
