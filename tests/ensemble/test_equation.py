@@ -19,7 +19,7 @@ from freefloat.lockstep import lanes, reflections
 from freefloat.lockstep.lanes import WIDTH
 from tests.lock_step import Kernels, Table, as_lanes, measured_problem, plain_kernels
 from tests.motions import bundled
-from tests.robots import inertial_text, joint_text, link_text, planar_robot, random_robot
+from tests.robots import inertial_text, joint_text, link_text, numbers, planar_robot, random_robot
 
 IDENTITY = np.array([0.0, 0.0, 0.0, 1.0])
 ROUNDING = 1e-12
@@ -156,6 +156,21 @@ class Arm:
 def test_matrices_agree_with_pinocchio(arm: Arm) -> None:
     for task in arm.tasks:
         assert_equal_parts(arm.model, task, arm.joints)
+
+
+@pytest.mark.parametrize("kinds", ["RRRRRR", "PRRPPR"])
+@pytest.mark.parametrize("tilt", [0.0, 3e-9, 3e-7, 4e-6, 1e-3])
+def test_axes_may_be_nearly_parallel(tilt: float, kinds: str, rng: np.random.Generator) -> None:
+    """As in files with pi to five digits; sliding joints lie on one line but for rounding."""
+    text = link_text("bus", inertial_text(100.0, 10.0 * np.eye(3), "0.1 0.2 0.3"))
+    for k, kind in enumerate(kinds):
+        turns = [np.pi * (k % 2), 0.0, 0.7] + tilt * rng.uniform(-1.0, 1.0, 3)
+        place = [0.0 if kind == "P" else rng.uniform(0.2, 0.5), 0.0, 0.3]
+        parent, link = f"l{k}" if k else "bus", f"l{k + 1}"
+        text += joint_text(f"q{k}", kind, parent, link, numbers(place), numbers(turns))
+        text += link_text(link, inertial_text(3.0, 0.05 * np.eye(3), "0.1 0.02 0.1"))
+    model = ff.FreeFloatingModel.from_urdf(f'<robot name="flat">{text}</robot>')
+    assert_equal_parts(model, ff.Task.POSITION, rng.uniform(-2.0, 2.0, (WIDTH, model.dof)))
 
 
 def assert_same_rates(

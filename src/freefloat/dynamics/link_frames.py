@@ -12,19 +12,25 @@ from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.rigid_bodies import Body
 from freefloat.so3 import Array
 
-_PARALLEL = 1e-9
-"""Sine of the angle between axes below which they are parallel."""
-_VANISHING_COSINE = 1e-15
+_NEARLY_PARALLEL = 0.1
+"""Sine of the angle between axes below which the foot of their common normal may be far away: the
+inertia of a body about it would cancel."""
+_VANISHING = 1e-15
+"""Sine or cosine that is zero but for rounding."""
 
 
 class LinkFrames(NamedTuple):
     """Link frames in the form of Craig: the z axis of frame k is the axis of joint k.
 
+    Where axes are nearly parallel, a rotation about y takes the place of a distant common normal
+    (S. Hayati, Robot arm geometric link parameter estimation, CDC 1983).
+
     Attributes:
         base: Frame 0 in the spacecraft frame: x, y and z axes and origin, rows of shape (4, 3).
         joints: A row for each joint: cosine and sine of the rotation about x and displacement along
             it from frame k - 1, angle about z and displacement along it to frame k at joint value
-            zero; 1 for a prismatic joint, shape (n, 6).
+            zero; 1 for a prismatic joint; cosine and sine of the rotation about y between those
+            about x and z, shape (n, 8).
         bodies: A row for the spacecraft and each joint: mass, first moment and inertia xx yy zz yz
             zx xy of the body about the frame's origin, shape (1 + n, 10).
         tool: End-effector position in frame n [m], shape (3,).
@@ -46,25 +52,23 @@ def link_frames(model: FreeFloatingModel) -> LinkFrames:
     x, origin = _perpendicular(axes[0]), points[0]
     base = np.vstack([x, np.cross(axes[0], x), axes[0], origin])
     rows, bodies = [], [_inertial(model.bodies[0], np.eye(3), np.zeros(3), base)]
-    twist, length = 0.0, 0.0
+    z_before, length = axes[0], 0.0
     for k, (z, point) in enumerate(zip(axes, points, strict=True)):
-        x_before, start = x, origin + length * x
-        foot = point + z * (z @ (start - point))
-        next_twist, next_length = 0.0, 0.0
+        start = origin + length * x
+        about_x, about_y, x_before = _turned(x, z_before, z)
+        x, foot, next_length = x_before, point + z * (z @ (start - point)), 0.0
         if k + 1 < n:
-            x, foot, next_twist, next_length = _common_normal(
-                z, point, axes[k + 1], points[k + 1], x_before, start
-            )
+            x, foot, next_length = _next_x(z, point, axes[k + 1], points[k + 1], x_before, start)
         angle = np.arctan2(x @ np.cross(z, x_before), x @ x_before)
         frame = np.vstack([x, np.cross(z, x), z, foot])
         body = model.bodies[k + 1]
-        along = float(z @ (foot - start))
-        rows.append([np.cos(twist), np.sin(twist), length, angle, along, body.prismatic])
+        rows.append([*about_x, length, angle, float(z @ (foot - start)), body.prismatic, *about_y])
         bodies.append(_inertial(body, rotations[k], point, frame))
-        twist, length, origin = next_twist, next_length, foot
+        z_before, length, origin = z, next_length, foot
     tool = frame[:3] @ (points[-1] + rotations[-1] @ model.tool.position - origin)
     joints = np.array(rows, dtype=float)
-    joints[:, :2][np.abs(joints[:, :2]) < _VANISHING_COSINE] = 0.0
+    turns = joints[:, [0, 1, 6, 7]]
+    joints[:, [0, 1, 6, 7]] = np.where(np.abs(turns) < _VANISHING, 0.0, turns)
     across = model.tool.rotation[:, :2].T @ rotations[-1].T @ frame[:3].T
     return LinkFrames(base, joints, np.array(bodies), tool, across)
 
@@ -72,10 +76,11 @@ def link_frames(model: FreeFloatingModel) -> LinkFrames:
 def frames_at_zero(frames: LinkFrames) -> Array:
     """The link frames at joint values zero, spacecraft frame: rows x, y, z and origin."""
     placed = [frames.base]
-    for cosine, sine, along_x, angle, along_z in frames.joints[:, :5]:
+    for cosine, sine, along_x, angle, along_z, _, c, s in frames.joints:
         x, y, z, origin = placed[-1]
         origin = origin + along_x * x
         y, z = cosine * y + sine * z, cosine * z - sine * y
+        x, z = c * x - s * z, c * z + s * x
         x, y = np.cos(angle) * x + np.sin(angle) * y, np.cos(angle) * y - np.sin(angle) * x
         placed.append(np.vstack([x, y, z, origin + along_z * z]))
     return np.array(placed)
@@ -100,25 +105,35 @@ def _perpendicular(z: Array) -> Array:
     return np.asarray(x / np.linalg.norm(x))
 
 
-def _common_normal(
-    z: Array, point: Array, z_next: Array, point_next: Array, x_before: Array, start: Array
-) -> tuple[Array, Array, float, float]:
-    """The common normal of two joint axes, its foot on the first, the angle and the distance.
+def _turned(x: Array, z: Array, z_next: Array) -> tuple[Array, Array, Array]:
+    """Cosine and sine of the rotations about x and y from z to the next axis; the x axis then."""
+    y = np.cross(z, x)
+    level = np.array([z_next @ z, -(z_next @ y)])
+    cosine = np.hypot(*level)
+    about_x, about_y = level / cosine, np.array([cosine, z_next @ x])
+    return about_x, about_y, cosine * x - about_y[1] * (about_x[0] * z - about_x[1] * y)
 
-    Of parallel axes it is the one through ``start``, a point of the first axis, and for identical
-    axes ``x_before``.
+
+def _next_x(
+    z: Array, point: Array, z_next: Array, point_next: Array, x_before: Array, start: Array
+) -> tuple[Array, Array, float]:
+    """The x axis from a joint's axis to the next one, the foot on the first, and the distance.
+
+    It is the common normal. Where the axes are nearly parallel, it leads from ``start``, a point of
+    the first axis, to where the next one passes the plane across the first axis; where that is the
+    same point, it is ``x_before``.
     """
     normal = np.cross(z, z_next)
     sine = float(np.linalg.norm(normal))
-    if sine > _PARALLEL:
+    if sine > _NEARLY_PARALLEL:
         x = normal / sine
         along, _, length = np.linalg.solve(np.array([z, -z_next, x]).T, point_next - point)
-        return x, point + along * z, float(np.arctan2(sine, z @ z_next)), float(length)
-    offset = point_next - start
-    offset -= z * (z @ offset)
+        return x, point + along * z, float(length)
+    offset = point_next + z_next * (z @ (start - point_next)) / (z @ z_next) - start
+    for _ in range(2):  # what is left after once may be rounding, in any direction
+        offset = offset - z * (z @ offset)
     length = float(np.linalg.norm(offset))
-    x = offset / length if length > 0.0 else x_before
-    return x, start, float(np.arctan2(0.0, z @ z_next)), length
+    return (offset / length if length > 0.0 else x_before), start, length
 
 
 def _inertial(body: Body, rotation: Array, origin: Array, frame: Array) -> Array:

@@ -45,6 +45,12 @@ def minus(a: Inertia, b: Inertia) -> Inertia:
 
 
 @inlined
+def rolled_inertia(I: Inertia) -> Inertia:
+    """The inertia along y, z, x of an inertia along x, y, z."""
+    return Inertia(rolled(I.diagonal), rolled(I.products))
+
+
+@inlined
 def in_axes(I: Inertia, ex: Vector, ey: Vector, ez: Vector) -> Inertia:
     """R I R^T, R = (ex, ey, ez)."""
     ix, iy, iz = components(I.diagonal)

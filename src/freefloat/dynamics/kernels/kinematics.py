@@ -18,6 +18,7 @@ from freefloat.dynamics.kernels.inertia import (
     minus,
     of_point,
     plus,
+    rolled_inertia,
     times,
 )
 from freefloat.dynamics.kernels.robot import (
@@ -32,6 +33,8 @@ from freefloat.dynamics.kernels.robot import (
     PRISMATIC,
     PRODUCTS,
     SINE,
+    TILT_COSINE,
+    TILT_SINE,
     TOOL,
     Robot,
     Solver,
@@ -144,11 +147,14 @@ def place_arm(robot: Robot, e: int, q: Table, work: Solver) -> tuple[Float, Vect
         s, c, d = joints[k, SINE], joints[k, COSINE], joints[k, ALONG_X]
         p = p + ex * d
         ey, ez = ey * c + ez * s, ez * c - ey * s
-        u, I = in_joint_frame(
-            M, rolled(u), Inertia(rolled(I.diagonal), rolled(I.products)), s, c, d
-        )
-        u = rolled(rolled(u))
-        I = Inertia(rolled(rolled(I.diagonal)), rolled(rolled(I.products)))
+        u, I = in_joint_frame(M, rolled(u), rolled_inertia(I), s, c, d)
+        if joints[k, TILT_SINE] != 0.0:
+            s, c = joints[k, TILT_SINE], joints[k, TILT_COSINE]
+            ex, ez = ex * c - ez * s, ez * c + ex * s
+            u, I = in_joint_frame(M, rolled(u), rolled_inertia(I), s, c, 0.0 * d)
+            u, I = rolled(u), rolled_inertia(I)
+        else:
+            u, I = rolled(rolled(u)), rolled_inertia(rolled_inertia(I))
         angle, d = joints[k, ANGLE] + 0.0 * q[k], joints[k, ALONG_Z] + 0.0 * q[k]
         x, y, z = components(u)
         if joints[k, PRISMATIC] != 0.0:

@@ -13,10 +13,10 @@ from freefloat.so3 import Array
 
 MOST_ARMS = 4
 """Number of arms on paths for which there is room."""
-FRAME_COLUMNS, BODY_COLUMNS, JOINT_COLUMNS, TOOL_COLUMNS, END_COLUMNS = 6, 10, 18, 14, 22
+FRAME_COLUMNS, BODY_COLUMNS, JOINT_COLUMNS, TOOL_COLUMNS, END_COLUMNS = 8, 10, 18, 14, 22
 """Numbers of columns of ``Robot.joints``, of bodies, ``Solver.momenta``, ``Robot.tools`` and
 ``Solver.ends``."""
-COSINE, SINE, ALONG_X, ANGLE, ALONG_Z, PRISMATIC = range(FRAME_COLUMNS)
+COSINE, SINE, ALONG_X, ANGLE, ALONG_Z, PRISMATIC, TILT_COSINE, TILT_SINE = range(FRAME_COLUMNS)
 """Columns of ``Robot.joints``, see :class:`freefloat.dynamics.link_frames.LinkFrames`."""
 MASS, MOMENT, DIAGONAL, PRODUCTS = 0, 1, 4, 7
 """Columns of the bodies."""
@@ -45,7 +45,7 @@ class Robot(NamedTuple):
     See :class:`freefloat.dynamics.link_frames.LinkFrames`.
     """
 
-    joints: Table  # of one arm after the other, (n, 6)
+    joints: Table  # of one arm after the other, (n, 8)
     properties: Table  # what may differ between the robots of the motions, one row
     tools: Table  # of the arms, (arms, 14)
     root: Table  # the spacecraft in its own frame, which is read of several arms, (1, 10)
