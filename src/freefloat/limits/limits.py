@@ -97,7 +97,16 @@ class Limits(AttitudeLimits):
     @property
     def timed(self) -> bool:
         """Whether any of them depends on the speed along the path."""
-        return any(getattr(self, kind.name) is not None for kind in GIVEN if kind.exponent)
+        return self._has_exponents(1)
+
+    @property
+    def accelerated(self) -> bool:
+        """Whether any of them depends on accelerations along the path."""
+        return self._has_exponents(2)
+
+    def _has_exponents(self, least: int) -> bool:
+        given = (kind for kind in GIVEN if getattr(self, kind.name) is not None)
+        return any(kind.exponent >= least for kind in given)
 
 
 GIVEN: tuple[type[Limit[Any]], ...] = tuple(

@@ -19,8 +19,8 @@ _LENGTH = 1e-9
 _BLEND = 0.25
 """Fraction of a trapezoidal profile spent accelerating, and again decelerating."""
 
-Speeds = tuple[tuple[float, float], ...]
-"""Pairs of times [s] and speeds ds/dt [1/s]."""
+Speeds = tuple[tuple[float, ...], ...]
+"""Rows of times [s] and speeds ds/dt [1/s], all or none with their derivatives d²s/dt² [1/s²]."""
 
 
 class TimeLaw(StrEnum):
@@ -87,25 +87,36 @@ class TimeSegment:
 def require_speeds(speeds: Speeds, duration: float) -> None:
     """Raise an InputError unless speeds lead from s = 0 at rest to s = 1 at rest."""
     accepted = (
-        "pairs of time and speed ds/dt, the times rising from 0 to the duration, the speeds "
-        "positive and zero at both ends, with s = 1 at the end"
+        "rows of time and speed ds/dt, all or none with d²s/dt², the times rising from 0 to the "
+        "duration, the speeds positive and zero at both ends, with s = 1 at the end"
     )
-    t, speed = number_array("timing.speeds", speeds, accepted).reshape(-1, 2).T
+    rows = number_array("timing.speeds", speeds, accepted)
+    if rows.ndim != 2 or rows.shape[1] not in (2, 3):
+        raise InputError("timing.speeds", "their rows differ or have other lengths", accepted)
+    t, speed, *accelerations = rows.T
     spans = np.diff(t)
     valid = len(t) > 2 and t[0] == 0.0 and abs(t[-1] - duration) <= _LENGTH * duration
     valid = valid and speed[0] == speed[-1] == 0.0
     if not (valid and (spans > 0.0).all() and (speed[1:-1] > 0.0).all()):
         raise InputError("timing.speeds", "they do not lead from rest to rest", accepted)
     length = float((spans * (speed[1:] + speed[:-1])).sum()) / 2.0
+    for acceleration in accelerations:
+        length -= float((spans**2 * np.diff(acceleration)).sum()) / 12.0
     if not abs(length - 1.0) <= _LENGTH:
         raise InputError("timing.speeds", f"they lead to s = {length:.12g}", accepted)
 
 
 def segments_of(speeds: Speeds) -> Iterator[TimeSegment]:
-    """The segments of a law whose speed is linear between given ones."""
+    """The segments of a law whose speed is linear between given ones, or cubic with derivatives."""
     s = 0.0
-    for (start, slow), (end, fast) in pairwise(speeds):
+    for (start, slow, *bend), (end, fast, *last) in pairwise(speeds):
         span, change = end - start, fast - slow
-        orders = (change * span / 2.0, slow * span, s), (change, slow), (change / span,)
-        yield TimeSegment(end, start, span, orders)
-        s += span * (slow + fast) / 2.0
+        speed = [change, slow]
+        if bend:
+            a, b = span * bend[0], span * last[0]
+            speed = [a + b - 2.0 * change, 3.0 * change - 2.0 * a - b, a, slow]
+        powers = range(len(speed), 0, -1)
+        place = [span * value / power for value, power in zip(speed, powers, strict=True)]
+        rate = [value * (power - 1) / span for value, power in zip(speed, powers, strict=True)]
+        yield TimeSegment(end, start, span, ((*place, s), tuple(speed), tuple(rate[:-1])))
+        s += sum(place)

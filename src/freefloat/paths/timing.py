@@ -62,8 +62,9 @@ class Timing:
         duration: Duration of the path [s].
         law: Law between every two rests.
         stops: Stops in order.
-        speeds: Pairs of times [s] and speeds ds/dt [1/s], rising in time from rest to rest, between
-            which ds/dt is linear: the law ``optimal``, once the fastest timing is known.
+        speeds: Rows of times [s] and speeds ds/dt [1/s], rising in time from rest to rest, between
+            which ds/dt is linear, or with d²s/dt² [1/s²] cubic: the law ``optimal``, once the
+            fastest timing is known.
 
     Example:
         >>> timing = ff.Timing(100.0, "quintic", stops=[ff.paths.Stop(0.5, 40.0)])
@@ -104,7 +105,11 @@ class Timing:
         """The same law with all times multiplied by a factor."""
         factor = finite_number("factor", factor, "a positive number")
         stops = tuple(Stop(stop.s, factor * stop.t) for stop in self.stops)
-        speeds = tuple((factor * t, speed / factor) for t, speed in self.speeds)
+        units = factor, 1.0 / factor, factor**-2.0
+        speeds = tuple(
+            tuple(value * unit for value, unit in zip(row, units, strict=False))
+            for row in self.speeds
+        )
         return replace(self, duration=factor * self.duration, stops=stops, speeds=speeds)
 
     @cached_property

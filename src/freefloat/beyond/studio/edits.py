@@ -114,7 +114,10 @@ def _with_duration(timing: Content, duration: float) -> dict[str, Any]:
     if stops := timing.get("stops"):
         changed["stops"] = [{**stop, "t": _rounded(stop["t"] * factor)} for stop in stops]
     if speeds := timing.get("speeds"):
-        changed["speeds"] = [[time * factor, speed / factor] for time, speed in speeds]
+        units = factor, 1.0 / factor, factor**-2.0
+        changed["speeds"] = [
+            [value * unit for value, unit in zip(row, units, strict=False)] for row in speeds
+        ]
     return changed
 
 

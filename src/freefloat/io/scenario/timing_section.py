@@ -29,9 +29,10 @@ class TimingSection(Section):
     """Time law between rests."""
     stops: list[StopSection] = Field(default=[])
     """Rests between start and end."""
-    speeds: list[tuple[Number, Number]] = Field(default=[])
-    """Times [s] and speeds ds/dt [1/s] of the law ``optimal``, linear in between, from rest to
-    rest. Without them ``plan`` finds the fastest timing; until then the law is quintic."""
+    speeds: list[tuple[Number, ...]] = Field(default=[])
+    """Times [s] and speeds ds/dt [1/s] of the law ``optimal``, linear in between, or with d²s/dt²
+    [1/s²] in a third column cubic, from rest to rest. Without them ``plan`` finds the fastest
+    timing; until then the law is quintic."""
 
     def to_timing(self) -> Timing:
         """The time law; raises an InputError if it is invalid."""
@@ -45,5 +46,5 @@ def timing_content(timing: Timing) -> dict[str, Any]:
         "duration": float(timing.duration),
         "law": str(timing.law),
         "stops": [{"s": float(stop.s), "t": float(stop.t)} for stop in timing.stops],
-        "speeds": [list(pair) for pair in timing.speeds],
+        "speeds": [list(row) for row in timing.speeds],
     }

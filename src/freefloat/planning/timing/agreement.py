@@ -24,8 +24,8 @@ from freefloat.planning.timing.timed_plan import with_speeds, with_timing, with_
 _MOST, _AGREE = 12, 5e-4
 """Attitudes and timings that are tried, and relative difference of durations that agree."""
 _FEWER = 128
-"""Intervals of the timing with limits of torques, to which they are adapted: the duration is 0.01
-to 0.2 % longer than with 400. Every motion of the map passes all of them."""
+"""Intervals of the timing with limits of accelerations or torques, to which they are adapted: the
+duration is 0.01 to 0.2 % longer than with 400. Every motion of the map passes all of them."""
 _INSIDE = 0.999
 """Fraction of the limits to be used: the motion depends on the timing."""
 NARROWER = 0.03
@@ -143,7 +143,7 @@ def _with_fastest_timing(
     There is none where momentum or drift violate rates or torques at any timing.
     """
     motion, start = before.motion, before.motion.initial
-    intervals = INTERVALS if limits.joint_torque is None else _FEWER
+    intervals = _FEWER if limits.accelerated else INTERVALS
     for _ in range(_MOST):
         duration = motion.problem.path.duration
         speeds = fastest_speeds(motion, limits, _INSIDE, intervals)

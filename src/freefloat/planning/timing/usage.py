@@ -12,16 +12,22 @@ _INSTANTS, _USED = 501, 0.99
 
 
 def limit_usage(motion: Motion, limits: Limits) -> dict[str, float]:
-    """Fractions of the duration in which limits of rates and torques are used up to one percent."""
+    """Fractions of the duration in which limits that are timed are used up to one percent."""
     problem = motion.problem
     law, times = motion.law, np.linspace(0.0, problem.path.duration, _INSTANTS)
     effort = law.effort(times, *motion.evaluate(motion.coordinates_at(times))[1:])
-    ratios = {}
-    if limits.joint_rate is not None:
-        ratios["joint_rate"] = (np.abs(effort.rates[:, 6:]) / limits.joint_rate).max(axis=1)
-    if limits.joint_torque is not None:
-        torques = np.abs(effort.joint_torques) / limits.joint_torque
-        ratios["joint_torque"] = torques.max(axis=1)
+    accelerations = effort.accelerations[:, 6:]
+    of_joints = {
+        "joint_rate": effort.rates[:, 6:],
+        "joint_torque": effort.joint_torques,
+        "joint_acceleration": accelerations,
+        "joint_jerk": np.gradient(accelerations, times, axis=0),
+    }
+    ratios = {
+        name: (np.abs(values) / bound).max(axis=1)
+        for name, values in of_joints.items()
+        if (bound := getattr(limits, name)) is not None
+    }
     if limits.base_rate is not None:
         omega = np.linalg.norm(effort.rates[:, 3:6], axis=1)
         ratios["base_rate"] = omega / limits.base_rate
