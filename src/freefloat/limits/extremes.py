@@ -67,9 +67,3 @@ def efforts_along(motion: Motion) -> Callable[[IntArray, Array], Forces]:
     """Rates, accelerations and forces along a motion, by panels and their parameters."""
     law = motion.law
     return lambda panel, x: law.effort(*motion.at(panel, x), motion.timing_segment(panel))
-
-
-def accelerations_along(motion: Motion) -> Function:
-    """The joint accelerations along a motion, shape (K, n)."""
-    efforts = efforts_along(motion)
-    return lambda panel, x: np.asarray(efforts(panel, x).accelerations[:, 6:])

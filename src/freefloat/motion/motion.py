@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 from numpy.polynomial import chebyshev
 
+from freefloat.dynamics.inverse_dynamics import Forces
 from freefloat.errors import InputError
 from freefloat.motion.joint_spline import JointSpline
 from freefloat.motion.law import JointLaw, Law, PathLaw
@@ -192,6 +193,14 @@ class Motion:
             self.timing_segment(panels),
         )  # fmt: skip
         return frozen(np.concatenate(rates, axis=1).reshape(*nodes.shape, -1))
+
+    @cached_property
+    def node_effort(self) -> Forces:
+        """Rates, accelerations and forces at the nodes, arrays of shape (panels, 9, ...)."""
+        which, panels = self.panel_nodes.ravel(), np.repeat(np.arange(self.panels), DEGREE + 1)
+        states = self.times[which], self.attitudes[which], self.joints[which]
+        values = vars(self.law.effort(*states, self.timing_segment(panels))).values()
+        return Forces(*(frozen(rows.reshape(-1, DEGREE + 1, rows.shape[-1])) for rows in values))
 
     def at(self, panel: IntArray, x: Array) -> tuple[Array, Array, Array]:
         """Times (K,), attitudes (K, 4) and joints (K, n) in panels, at parameters from -1 to 1."""

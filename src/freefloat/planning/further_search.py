@@ -46,13 +46,19 @@ _PRECISE = 8
 """Rounds of the search along precise motions."""
 
 
-def searched_further(evaluator: FeasibilityEvaluator, plan: Plan, limits: Limits | None) -> Plan:
-    """The plan, or, where it is infeasible, one with a motion that keeps everything, if found."""
+def searched_further(
+    evaluator: FeasibilityEvaluator, plan: Plan, limits: Limits | None, *, precisely: bool = True
+) -> Plan:
+    """The plan, or, where it is infeasible, one with a motion that keeps everything, if found.
+
+    Also ``precisely`` among precise motions, hundreds of them, where compiled ones do not show what
+    is violated.
+    """
     problem = plan.problem
     hopeless = CorridorLimit.name in plan.excluded or reach_message(problem) is not None
     if plan.feasible or hopeless or not plan.searched:
         return plan
-    search = _FurtherSearch(evaluator, plan, limits)
+    search = _FurtherSearch(evaluator, plan, limits, precisely)
     passed = search.passed()
     return search.without_candidate() if passed is None else search.with_candidate(passed)
 
@@ -60,7 +66,14 @@ def searched_further(evaluator: FeasibilityEvaluator, plan: Plan, limits: Limits
 class _FurtherSearch:
     """See :func:`searched_further`."""
 
-    def __init__(self, evaluator: FeasibilityEvaluator, plan: Plan, limits: Limits | None) -> None:
+    def __init__(
+        self,
+        evaluator: FeasibilityEvaluator,
+        plan: Plan,
+        limits: Limits | None,
+        precisely: bool,
+    ) -> None:
+        self._precisely = precisely
         self._evaluator, self._plan, self._search = evaluator, plan, plan.search
         self._problem = plan.problem
         self._violations = Violations(evaluator, limits)
@@ -122,9 +135,8 @@ class _FurtherSearch:
             if passed is not None:
                 return passed
         nearest, results = self._trials.nearest()
-        if nearest is None or all(
-            result.limit in COMPARED for result in results if not result.kept
-        ):
+        shown = all(result.limit in COMPARED for result in results if not result.kept)
+        if nearest is None or shown or not self._precisely:
             return None
         attitude = nearest.motion.initial.attitude
         return self._along_precise(Candidate(attitude, nearest.branch.index), starts.spacing / 2.0)

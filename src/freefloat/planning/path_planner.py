@@ -33,11 +33,13 @@ def plan_path(
     threads: int | None,
     progress: Progress | None,
     to_retime: bool = False,
+    to_stretch: bool = False,
 ) -> Plan:
     """Plan with the timing as it is; ``known`` is as for :func:`keep_limits`.
 
     A plan ``to_retime`` need not keep limits of rates and torques; where the motion depends on the
-    timing, it lacks certificate, contact and tolerances.
+    timing, it lacks certificate, contact and tolerances. One ``to_stretch`` is not sought along
+    precise motions where a longer duration is known to be enough.
     """
     evaluator = evaluator_for(problem, threads, limits, search)
     planner = plan_in_plane if problem.has_headings else plan_in_space
@@ -45,7 +47,9 @@ def plan_path(
     kept = limits.without_timed if limits is not None and to_retime else limits
     if kept is not None:
         result = keep_limits(evaluator, result, kept, progress, known)
-    result = searched_further(evaluator, result, kept)
+    result = searched_further(
+        evaluator, result, kept, precisely=not to_stretch or result.needed_stretch is None
+    )
     if to_retime and problem.depends_on_timing and result.feasible:
         return result
     return _with_tolerances(evaluator, certified(result))

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from freefloat.limits.extremes import accelerations_along
+from freefloat.limits.extremes import efforts_along
 from freefloat.limits.joint_limit import MagnitudeLimit
 from freefloat.limits.result import LimitResult
 from freefloat.limits.values import PerJoint
-from freefloat.motion.extrema import at_nodes
 from freefloat.motion.motion import Motion
 
 
@@ -25,6 +24,6 @@ class JointAccelerationLimit(MagnitudeLimit):
 
     def worst(self, motion: Motion) -> LimitResult:
         """The joint whose acceleration is largest over its limit."""
-        accelerations = accelerations_along(motion)
-        nodes = at_nodes(motion, accelerations) if motion.panels else None
-        return self.largest(motion, accelerations, nodes)
+        efforts = efforts_along(motion)
+        nodes = motion.node_effort.accelerations[..., 6:]
+        return self.largest(motion, lambda panel, x: efforts(panel, x).accelerations[:, 6:], nodes)

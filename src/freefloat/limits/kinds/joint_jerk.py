@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.polynomial import chebyshev
 
-from freefloat.limits.extremes import accelerations_along
 from freefloat.limits.joint_limit import MagnitudeLimit
 from freefloat.limits.result import LimitResult
 from freefloat.limits.values import PerJoint
-from freefloat.motion.extrema import Function, at_nodes
+from freefloat.motion.extrema import Function
 from freefloat.motion.motion import Motion
+from freefloat.motion.panels import DEGREE, TO_COEFFICIENTS
 from freefloat.so3 import Array, IntArray
-
-_STEP = 0.02
-"""Step of differences in the parameter of a panel, which goes from -1 to 1."""
 
 
 class JointJerkLimit(MagnitudeLimit):
@@ -32,31 +30,18 @@ class JointJerkLimit(MagnitudeLimit):
 
     def worst(self, motion: Motion) -> LimitResult:
         """The joint whose jerk is largest over its limit."""
-        jerks = _jerks(motion)
-        return self.largest(motion, jerks, at_nodes(motion, jerks) if motion.panels else None)
+        return self.largest(motion, _jerks(motion))
 
 
 def _jerks(motion: Motion) -> Function:
-    """Joint jerks along a motion, shape (K, n), by differences of fourth order."""
-    accelerations = accelerations_along(motion)
+    """Joint jerks along a motion, shape (K, n): slopes of polynomials through accelerations."""
+    accelerations = TO_COEFFICIENTS @ motion.node_effort.accelerations[..., 6:]
+    slopes = chebyshev.chebder(accelerations, axis=1)
+    pace = chebyshev.chebder(motion.coefficients[:, :, :1], axis=1)
 
     def jerks(panel: IntArray, x: Array) -> Array:
-        middle = np.clip(x, -1.0 + 2.0 * _STEP, 1.0 - 2.0 * _STEP)
-        offset = ((x - middle) / _STEP)[:, None]
-        places = [middle + k * _STEP for k in range(-2, 3)]
-        values = np.array([accelerations(panel, place) for place in places])
-        times = np.array([motion.at(panel, place)[0] for place in places])[..., None]
-        return np.asarray(_slope(values, offset) / _slope(times, offset))
+        basis = chebyshev.chebvander(x, DEGREE - 1)
+        rise, passed = (np.einsum("kd,kdc->kc", basis, c[panel]) for c in (slopes, pace))
+        return np.asarray(rise / passed)
 
     return jerks
-
-
-def _slope(values: Array, offset: Array) -> Array:
-    """Derivative of the quartic through values (5, K, c) at -2 to 2, at places (K, 1)."""
-    before, previous, here, following, after = values
-    first = (before - 8.0 * previous + 8.0 * following - after) / 12.0
-    second = (-before + 16.0 * (previous + following) - 30.0 * here - after) / 12.0
-    third = (after - before - 2.0 * (following - previous)) / 2.0
-    fourth = before + after - 4.0 * (previous + following) + 6.0 * here
-    s = offset
-    return np.asarray(first + s * (second + s * (third / 2.0 + s * fourth / 6.0)))

@@ -10,10 +10,7 @@ from freefloat.limits.extremes import efforts_along
 from freefloat.limits.joint_limit import MagnitudeLimit
 from freefloat.limits.result import LimitResult
 from freefloat.limits.values import PerJoint
-from freefloat.motion.extrema import Function, at_nodes
 from freefloat.motion.motion import Motion
-from freefloat.motion.panels import NODES
-from freefloat.so3 import Array, IntArray
 
 
 class JointTorqueLimit(MagnitudeLimit):
@@ -31,23 +28,12 @@ class JointTorqueLimit(MagnitudeLimit):
 
     def worst(self, motion: Motion) -> LimitResult:
         """The joint whose torque or force is largest over its limit."""
-        forces, count = _forces(motion), len(self.bound)
-        nodes = np.empty((0, len(NODES), count + 6))
-        if motion.panels:
-            nodes = at_nodes(motion, forces)
-        torques, wrenches = np.split(nodes, [count], axis=2)
-        result = self.largest(motion, lambda panel, x: forces(panel, x)[:, :-6], torques)
-        wrench = float(np.nanmax(np.abs(wrenches), initial=0.0))
-        torque = float(np.nanmax(np.abs(torques), initial=0.0))
+        efforts, nodes = efforts_along(motion), motion.node_effort
+        result = self.largest(
+            motion, lambda panel, x: efforts(panel, x).joint_torques, nodes.joint_torques
+        )
+        wrench, torque = (
+            float(np.nanmax(np.abs(forces), initial=0.0))
+            for forces in (nodes.base_wrench, nodes.joint_torques)
+        )
         return replace(result, base_wrench=wrench / torque if torque else None)
-
-
-def _forces(motion: Motion) -> Function:
-    """Joint torques, then the wrench on the base, along a motion, shape (K, n + 6)."""
-    efforts = efforts_along(motion)
-
-    def forces(panel: IntArray, x: Array) -> Array:
-        effort = efforts(panel, x)
-        return np.concatenate([effort.joint_torques, effort.base_wrench], axis=1)
-
-    return forces

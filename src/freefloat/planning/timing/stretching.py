@@ -6,21 +6,18 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from freefloat.motion.problem import Problem
-from freefloat.planning.candidates import ScreenedCandidate
 from freefloat.planning.limits.trials import OVER
 from freefloat.planning.plan import Plan
 
 
-def stretched_plan(
-    plan: Callable[[Problem, ScreenedCandidate | None], Plan], problem: Problem
-) -> Plan:
+def stretched_plan(plan: Callable[..., Plan], problem: Problem) -> Plan:
     """The plan of a problem, with a longer duration where rates or torques require one.
 
     Args:
-        plan: Plans a problem, given a candidate that is known to keep the margin and the limits.
+        plan: :func:`~freefloat.planning.path_planner.plan_path` with its options.
         problem: The problem.
     """
-    result = plan(problem, None)
+    result = plan(problem, to_stretch=True)
     if result.needed_stretch is None:
         return result
     factor = result.needed_stretch

@@ -38,10 +38,13 @@ def with_timing(plan: Plan, before: SimulatedBranch, problem: Problem, limits: L
 
 
 def with_tolerances(plan: Plan, limits: Limits, threads: int | None) -> Plan:
-    """The plan with the certificate, contact and tolerances of its motion."""
+    """The plan with the certificate, contact and tolerances of its motion, and its samples."""
     plan = certified(plan)
     if plan.chosen is None or plan.tolerance is None:
         return plan
     initial = plan.chosen.motion.initial
-    integrator = evaluator_for(plan.problem, threads, limits, plan.search).integrator
-    return replace(plan, tolerance=tolerance(integrator, initial.attitude, initial.joints))
+    evaluator, samples = evaluator_for(plan.problem, threads, limits, plan.search), plan.map
+    if samples is not None:  # steps of compiled motions depend on the timing
+        samples = replace(samples, results=evaluator.evaluate(samples.results.attitudes))
+    tolerances = tolerance(evaluator.integrator, initial.attitude, initial.joints)
+    return replace(plan, map=samples, tolerance=tolerances)
