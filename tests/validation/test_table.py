@@ -16,6 +16,7 @@ from freefloat.certificate.certificate import certify
 from freefloat.ensemble.ensemble import EnsembleIntegrator
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.so3 import heading_quaternion
+from tests.errors import error_key
 from tests.motions import bundled, from_here
 from tests.robots import random_robot
 
@@ -174,6 +175,18 @@ def test_momenta_that_a_table_carries_are_refused(key: str, value: list[float]) 
     with pytest.raises(ff.InputError) as error:
         problem.replace(**{key: value})
     assert error.value.key in ("momentum", "wheels.momentum")
+
+
+def test_attitudes_that_leave_the_table_are_refused() -> None:
+    problem, _, q, _ = on_table(0)
+    tilted, system, client = [0.6, 0.0, 0.0, 0.8], problem.system, ff.Client(5.0, [1.0, 1.0, 1.0])
+    for wrong in (
+        lambda: problem.branches(tilted),
+        lambda: system.base_rate(tilted, q, q),
+        lambda: system.base_twist(tilted, q, q),
+        lambda: ff.capture(system, client, tilted, q, q),
+    ):
+        assert error_key(wrong) == "attitude"
 
 
 @pytest.mark.slow

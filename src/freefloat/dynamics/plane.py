@@ -11,6 +11,7 @@ import pinocchio as pin
 
 from freefloat.attitude_grids import low_discrepancy
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
+from freefloat.errors import InputError
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import (
     UPRIGHT,
@@ -19,6 +20,7 @@ from freefloat.so3 import (
     frozen,
     heading_of,
     heading_quaternion,
+    unit_quaternion,
 )
 
 _SAME_DIRECTION, _ROUNDED_DIRECTION = 1e-9, 1e-5
@@ -112,6 +114,16 @@ class Plane:
     def heading(self, attitude: npt.ArrayLike) -> float:
         """The heading [rad] in [0, 2 pi) of an attitude ``x, y, z, w``."""
         return heading_of(attitude, self.normal)
+
+    def checked(self, key: str, values: npt.ArrayLike) -> Array:
+        """The unit quaternion of an attitude; an InputError unless it is a turn in the plane."""
+        attitude = unit_quaternion(key, values)
+        if np.abs(np.cross(attitude[:3], self.normal)).max() > self.tolerance:
+            accepted = f"a rotation about {self.axis}"
+            if self.is_exact:
+                accepted += f": [{', '.join(self.axis if e else '0' for e in self.normal)}, w]"
+            raise InputError(key, f"{attitude.tolist()} leaves the {self.name}", accepted)
+        return attitude if self.is_exact else frozen(self.levelled(attitude[None])[0])
 
     def levelled(self, attitudes: Array) -> Array:
         """The attitudes in the plane nearest to attitudes, shape (K, 4)."""

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from freefloat.dynamics.momentum import conserved, conserved_inertias, momentum_map
+from freefloat.dynamics.plane import Plane
 from freefloat.errors import InputError, finite_vector, require_type
 from freefloat.robot.joint_values import finite_after
 from freefloat.robot.model import FreeFloatingModel
@@ -74,6 +75,12 @@ class System:
             drift=factor * self.drift,
         )  # fmt: skip
 
+    def attitude(self, values: npt.ArrayLike) -> Array:
+        """The unit quaternion of an attitude; an InputError unless the robot can have it."""
+        if self.model.on_table:
+            return Plane.of_normal(np.eye(3)[2]).checked("attitude", values)
+        return unit_quaternion("attitude", values)
+
     def body_momentum(self, attitude: npt.ArrayLike) -> Array:
         """Angular momentum of spacecraft and arm without wheels, inertial [N m s], (..., 3)."""
         return np.asarray(self.momentum - rotation_matrix(attitude) @ self.wheels)
@@ -95,11 +102,11 @@ class System:
 
         Raises:
             InputError: If joints or rates are not those of the robot, or the attitude is no unit
-                quaternion.
+                quaternion or, on a table, no turn about z.
         """
         D, Dq = conserved_inertias(self.model, joints)
         if D.ndim == 2:
-            attitude, rates = unit_quaternion("attitude", attitude), self._rates(rates)
+            attitude, rates = self.attitude(attitude), self._rates(rates)
         h = turned(rotation_matrix(attitude).swapaxes(-1, -2), self.momentum)
         demanded = h - self.wheels - turned(Dq, np.asarray(rates))
         return np.asarray(np.linalg.solve(D, demanded[..., None])[..., 0])
@@ -120,8 +127,9 @@ class System:
 
         Raises:
             InputError: If joints or rates are not those of the robot, or the attitude is no unit
-                quaternion.
+                quaternion or, on a table, no turn about z.
         """
+        attitude = self.attitude(attitude)
         A_G = conserved(self.model, momentum_map(self.model, joints, attitude))
         linear = self.model.total_mass * self.drift
         demanded = np.concatenate([linear, self.body_momentum(attitude)])

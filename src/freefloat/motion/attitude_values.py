@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
 import numpy.typing as npt
 
 from freefloat.dynamics.plane import Plane
@@ -29,12 +28,4 @@ def checked_attitude(
         return frozen(plane.attitudes(finite_number("heading", heading, "a finite angle")))
     if values is None:
         raise InputError(key, "it is missing", accepted)
-    attitude = unit_quaternion(key, values)
-    if plane is None:
-        return attitude
-    if np.abs(np.cross(attitude[:3], plane.normal)).max() > plane.tolerance:
-        accepted = f"a rotation about {plane.axis}"
-        if plane.is_exact:
-            accepted += f": [{', '.join(plane.axis if e else '0' for e in plane.normal)}, w]"
-        raise InputError(key, f"{attitude.tolist()} leaves the {plane.name}", accepted)
-    return attitude if plane.is_exact else frozen(plane.levelled(attitude[None])[0])
+    return unit_quaternion(key, values) if plane is None else plane.checked(key, values)

@@ -36,7 +36,6 @@ from freefloat.so3 import (
     Array,
     IntArray,
     frozen,
-    unit_quaternion,
     zeros,
 )
 
@@ -305,7 +304,7 @@ class Problem:
         Returns:
             The branches; none where the path is out of reach.
         """
-        attitude = unit_quaternion("attitude", attitude)
+        attitude = self.attitude(attitude)
         if self.start_joints is not None or self.path.arms:
             return self.many_branches(attitude[None], t)[0]
         R0 = rotation_matrix(attitude)

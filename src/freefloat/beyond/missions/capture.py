@@ -26,7 +26,7 @@ from freefloat.robot.base import HORIZONTAL
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.parts import Mount, Payload
 from freefloat.rotations import rotation_matrix
-from freefloat.so3 import Array, frozen, unit_quaternion, zeros
+from freefloat.so3 import Array, frozen, zeros
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,8 +141,8 @@ def capture(
         joint_rates: Before contact, shape (n,).
 
     Raises:
-        InputError: If a vector has another shape or is not finite, or no rigid body has the
-            client's inertia.
+        InputError: If a vector has another shape or is not finite, the attitude on a table is no
+            turn about z, or no rigid body has the client's inertia.
 
     Example:
         >>> model = ff.FreeFloatingModel.from_urdf("planar_2dof")
@@ -156,7 +156,7 @@ def capture(
     require_type("client", client, Client, "Client(mass, inertia, grapple)")
     system.model.require_one_arm("captures")
     model, h, v = system.model, system.momentum, system.drift
-    a = unit_quaternion("attitude", attitude)
+    a = system.attitude(attitude)
     q, rates = model.joint_vector(joints), model.joint_vector(joint_rates, "joint_rates")
     R = rotation_matrix(a)
     before = np.concatenate([system.base_twist(a, q, rates), rates])
