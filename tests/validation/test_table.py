@@ -18,11 +18,11 @@ from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.so3 import heading_quaternion
 from tests.errors import error_key
 from tests.motions import bundled, from_here
-from tests.robots import random_robot
+from tests.robots import planar_robot, random_robot
 
 STRUCTURES = {
     "RRRRRR": "pose", "RRRRR": "pointing", "RRR": "position", "RPR": "position",
-    "PRRRRR": "pose", "RRRP": "position", "RRRRRRR": "pose",
+    "PRRRRR": "pose", "RRRP": "position", "RRRRRRR": "pose", "RR": "planar-position",
 }  # fmt: skip
 """Structures of arms and tasks, those of redundant arms with the rates of least norm."""
 
@@ -41,7 +41,9 @@ class PlanarRoot:
     def matrices(self, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Conserved momenta, shape (3, 3 + n), and the Jacobian of the task's rows, base axes."""
         x, z, heading, *joints = y
-        q = np.array([x, z, np.cos(heading), np.sin(heading), *joints])
+        q = np.array([x, z, np.cos(heading), np.sin(heading)])
+        for value, joint in zip(joints, [*self.model.joints][2:], strict=True):
+            q = np.append(q, value if joint.nq == 1 else [np.cos(value), np.sin(value)])
         momenta = pin.computeCentroidalMap(self.model, self.data, q)[[0, 1, 5]]
         task = self.problem.task
         frame = pin.LOCAL if task is ff.Task.POINTING else pin.LOCAL_WORLD_ALIGNED
@@ -64,23 +66,41 @@ class PlanarRoot:
         return np.array([c * body[0] - s * body[1], s * body[0] + c * body[1], body[2], *u])
 
 
-def on_table(number: int) -> tuple[ff.Problem, np.ndarray, np.ndarray, str]:
+def raised(rng: np.random.Generator) -> str:
+    """A planar arm of two joints at a random height above the root link of its spacecraft."""
+    text = planar_robot(
+        [*rng.uniform([30.0, 2.0, 1.0], [60.0, 5.0, 4.0])], [*rng.uniform(0.2, 2.0, 3)],
+        [*rng.uniform(0.2, 0.6, 2)], [*rng.uniform(0.2, 0.6, 3)],
+    )  # fmt: skip
+    return text.replace(' 0 0"', f' 0 {rng.uniform(0.1, 0.8)!r}"', 1)
+
+
+def on_table(
+    number: int, structure: str | None = None
+) -> tuple[ff.Problem, np.ndarray, np.ndarray, str]:
     """A random robot on a table, its attitude and joints, and its URDF with the arm in order."""
     rng = np.random.default_rng([58, number])
-    structure = [*STRUCTURES][number % len(STRUCTURES)]
-    robot = random_robot(rng, structure)
-    model = ff.FreeFloatingModel.from_urdf(robot.text, robot.end_effector, base="planar")
+    structure = structure or [*STRUCTURES][number % len(STRUCTURES)]
+    task, end_effector = ff.Task(STRUCTURES[structure]), "end_effector"
+    if task.planar:
+        text = raised(rng)
+    else:
+        robot = random_robot(rng, structure)
+        text, end_effector = robot.text, robot.end_effector
+    model = ff.FreeFloatingModel.from_urdf(text, end_effector, base="planar")
     attitude = heading_quaternion(float(rng.uniform(0.0, 6.0)))
     joints = rng.uniform(-1.5, 1.5, model.dof)
     problem = from_here(
-        model, ff.Task(STRUCTURES[structure]), [0.0, 0.0, model.total_mass / 400.0 * rng.normal()],
-        attitude, joints, rng.uniform(-0.2, 0.2, 3), rng.uniform(-0.2, 0.2, 3), ff.Timing(20.0),
+        model, task, [0.0, 0.0, model.total_mass / 400.0 * rng.normal()], attitude, joints,
+        rng.uniform(-0.2, 0.2, 3) * ([1.0, 1.0, 0.0] if task.planar else 1.0),
+        rng.uniform(-0.2, 0.2, 3), ff.Timing(20.0),
     )  # fmt: skip
     wheels = [0.0, 0.0, float(rng.normal())] if number % 3 == 0 else [0.0, 0.0, 0.0]
-    return problem.replace(wheel_momentum=wheels), attitude, joints, robot.text
+    return problem.replace(wheel_momentum=wheels), attitude, joints, text
 
 
-@pytest.mark.parametrize("number", range(14))
+@pytest.mark.slow
+@pytest.mark.parametrize("number", range(60))
 def test_motions_are_those_of_a_planar_root_joint(number: int) -> None:
     problem, attitude, joints, text = on_table(number)
     other = PlanarRoot(problem, text)
@@ -90,17 +110,17 @@ def test_motions_are_those_of_a_planar_root_joint(number: int) -> None:
     S = J[:, 3:] - J[:, :3] @ np.linalg.solve(momenta[:, :3], momenta[:, 3:])
     own = ff.generalized_jacobian(problem.model, joints, problem.task)
     np.testing.assert_allclose(own, S, atol=1e-12)
-    motion = ff.integrate_motion(problem, attitude, joints)
+    motion = ff.integrate_motion(problem, attitude, joints, tolerance=1e-13)
     last = 0.9 * motion.final.time
     reference = solve_ivp(
-        other.rates, (0.0, last), start, "DOP853", rtol=1e-12, atol=1e-12, dense_output=True
+        other.rates, (0.0, last), start, "DOP853", rtol=1e-13, atol=1e-13, dense_output=True
     ).sol
     for state in motion.sample(np.linspace(0.0, last, 9)):
         x, y, heading, *values = reference(state.time)
-        np.testing.assert_allclose(state.joints, values, atol=1e-8)
-        np.testing.assert_allclose(state.base_position, [x, y, 0.0], atol=1e-8)
+        np.testing.assert_allclose(state.joints, values, atol=1e-9)
+        np.testing.assert_allclose(state.base_position, [x, y, 0.0], atol=1e-9)
         turned = Rotation.from_quat(state.attitude).as_rotvec() - [0.0, 0.0, heading]
-        assert abs(np.angle(np.exp(1j * np.linalg.norm(turned)))) < 1e-8
+        assert abs(np.angle(np.exp(1j * np.linalg.norm(turned)))) < 1e-9
 
 
 @pytest.mark.parametrize("number", [0, 1, 2, 3, 5, 6])
@@ -116,7 +136,7 @@ def test_the_kernels_agree_with_the_reference_engine(number: int) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("number", [0, 3])
+@pytest.mark.parametrize("number", [0, 3, 5, 6, 12, 23])
 def test_mujoco_repeats_a_motion_with_slides_and_a_hinge(number: int) -> None:
     problem, attitude, joints, _ = on_table(number)
     problem = problem.replace(wheel_momentum=[0.0, 0.0, 0.0])
@@ -143,6 +163,23 @@ def test_a_planar_arm_does_not_notice_the_table() -> None:
     table = free.replace(model=replace(free.model, base="planar"))
     for one, other in zip(ff.plan(free).ranges, ff.plan(table).ranges, strict=True):
         np.testing.assert_allclose(one.degrees, other.degrees, atol=1e-8)
+
+
+@pytest.mark.parametrize("name", ["planar_2dof/line", "planar_3dof/parabola_nonstop"])
+def test_motions_of_a_planar_arm_are_those_of_the_free_base(name: str) -> None:
+    free, one = bundled(name), np.ones(3)
+    table = free.replace(model=replace(free.model, base="planar"))
+    limits = ff.Limits(
+        joint_rate=one[: free.model.dof], joint_torque=one[: free.model.dof], base_rate=1.0,
+        joint_acceleration=one[: free.model.dof], clearance="off",
+    )  # fmt: skip
+    here, there = (ff.simulate(p, heading=0.3, limits=limits) for p in (free, table))
+    assert len(here.branches) == len(there.branches) > 0
+    for own, other in zip(here.branches, there.branches, strict=True):
+        assert other.minimum_margin == pytest.approx(own.minimum_margin, rel=1e-9)
+        np.testing.assert_allclose(other.motion.final.joints, own.motion.final.joints, atol=1e-9)
+    for own, other in zip(here.limit_results, there.limit_results, strict=True):
+        assert other.ratio == pytest.approx(own.ratio, rel=1e-7)
 
 
 def test_a_certificate_bounds_the_margin_on_a_table() -> None:
@@ -191,7 +228,7 @@ def test_attitudes_that_leave_the_table_are_refused() -> None:
 
 @pytest.mark.slow
 def test_ranges_narrower_than_the_spacing_of_samples_are_found() -> None:
-    problem, *_ = on_table(123)
+    problem, *_ = on_table(123, "PRRRRR")
     problem = problem.replace(margin=ff.Margin(problem.margin.measure, 0.29644))
     headings = np.radians(np.arange(167.0, 168.4, 0.05))
     evaluator = FeasibilityEvaluator(problem)
