@@ -14,7 +14,10 @@ import freefloat as ff
 from freefloat.beyond.engines.engine_runs import MuJoCo
 from freefloat.certificate.certificate import certify
 from freefloat.ensemble.ensemble import EnsembleIntegrator
+from freefloat.ensemble.equivalence import equivalents
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
+from freefloat.ensemble.recorded_motions import RecordedMotions
+from freefloat.limits.many_torques import largest_torques
 from freefloat.so3 import heading_quaternion
 from tests.errors import error_key
 from tests.motions import bundled, from_here
@@ -143,6 +146,15 @@ def test_mujoco_repeats_a_motion_with_slides_and_a_hinge(number: int) -> None:
     runs = MuJoCo().repeated(ff.integrate_motion(problem, attitude, joints))
     assert [check.reason for check in runs.checks if not check.passed] == []
     assert runs.forward.attitude < 1e-5
+
+
+@pytest.mark.parametrize("number", [0, 4, 6])
+def test_torques_of_recorded_motions_are_those_of_precise_ones(number: int) -> None:
+    problem, attitude, joints, _ = on_table(number)
+    motion = ff.integrate_motion(problem, attitude, joints)
+    recorded = RecordedMotions.of(equivalents(problem, 1), attitude[None], joints[None], 32, 1)
+    torques = np.abs(motion.node_effort.joint_torques).max(axis=(0, 1))
+    np.testing.assert_allclose(largest_torques(recorded, 1).values[0], torques, rtol=2e-3)
 
 
 def test_the_inverse_kinematics_find_the_joints_of_a_pose() -> None:

@@ -76,6 +76,7 @@ def _torques(recorded: RecordedMotions, threads: int) -> Array:
     disturbed = recorded.disturbed
     model, robots = disturbed.problem.model, disturbed.systems.robots
     threads = threads if robots is None else 1  # those that wait for others would take time
+    free = slice(2 if model.on_table else 3)  # the base does not rise from a table
     pool = pin.ModelPool(model.pin_model, threads)
     torques = np.empty(joints.shape)
     every = [slice(None)] if robots is None else [slice(k, k + 1) for k in range(len(joints))]
@@ -88,7 +89,7 @@ def _torques(recorded: RecordedMotions, threads: int) -> Array:
             pool.getModel(0).inertias[number] = inertia
         q, v, a = (np.asfortranarray(values[some].reshape(-1, values.shape[-1]).T)
                    for values in (positions, velocities, accelerations))  # fmt: skip
-        a[:3] = -pin.rneaInParallel(threads, pool, q, v, a)[:3] / masses[some][0]
+        a[free] = -pin.rneaInParallel(threads, pool, q, v, a)[free] / masses[some][0]
         forces = pin.rneaInParallel(threads, pool, q, v, a)
         torques[some] = forces[6:].T.reshape(torques[some].shape)
     return torques * disturbed.factors[:, None, None, None]
