@@ -19,6 +19,8 @@ from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.ensemble.recorded_motions import RecordedMotions
 from freefloat.limits.many_torques import largest_torques
 from freefloat.so3 import heading_quaternion
+from freefloat.verification import range_checks
+from freefloat.verification.comparisons import Check
 from tests.errors import error_key
 from tests.motions import bundled, from_here
 from tests.robots import planar_robot, random_robot
@@ -148,13 +150,68 @@ def test_mujoco_repeats_a_motion_with_slides_and_a_hinge(number: int) -> None:
     assert runs.forward.attitude < 1e-5
 
 
+@pytest.mark.parametrize("number", [0, 4, 5])
+def test_joint_torques_bear_the_gravity_on_a_table(number: int) -> None:
+    problem, attitude, joints, text = on_table(number)
+    problem = problem.replace(model=replace(problem.model, gravity=9.81))
+    motion, other = ff.integrate_motion(problem, attitude, joints), PlanarRoot(problem, text)
+    other.model.gravity.linear = np.array([0.0, 0.0, -9.81])
+    effort, moves = motion.node_effort, [0, 1, 5, *range(6, 6 + problem.model.dof)]
+    for panel in range(0, motion.panels, 3):
+        node = 8 * panel
+        heading = 2.0 * np.arctan2(*motion.attitudes[node, 2:])
+        q = np.array([0.0, 0.0, np.cos(heading), np.sin(heading), *motion.joints[node]])
+        rates, accelerations = effort.rates[panel, 0, moves], effort.accelerations[panel, 0, moves]
+        forces = pin.rnea(other.model, other.data, q, rates, accelerations)
+        size = np.abs(forces).max()
+        np.testing.assert_allclose(effort.joint_torques[panel, 0], forces[3:], atol=1e-11 * size)
+    weightless = ff.integrate_motion(replace(problem, model=replace(problem.model, gravity=0.0)),
+                                     attitude, joints)  # fmt: skip
+    np.testing.assert_array_equal(motion.joints, weightless.joints)
+
+
+@pytest.mark.parametrize("gravity", [0.0, 9.81])
 @pytest.mark.parametrize("number", [0, 4, 6])
-def test_torques_of_recorded_motions_are_those_of_precise_ones(number: int) -> None:
+def test_torques_of_recorded_motions_are_those_of_precise_ones(number: int, gravity) -> None:
     problem, attitude, joints, _ = on_table(number)
+    problem = problem.replace(model=replace(problem.model, gravity=gravity))
     motion = ff.integrate_motion(problem, attitude, joints)
     recorded = RecordedMotions.of(equivalents(problem, 1), attitude[None], joints[None], 32, 1)
     torques = np.abs(motion.node_effort.joint_torques).max(axis=(0, 1))
     np.testing.assert_allclose(largest_torques(recorded, 1).values[0], torques, rtol=2e-3)
+
+
+def test_a_scenario_states_gravity_and_a_free_base_has_none() -> None:
+    scenario = ff.load_scenario("ur5_servicer/table")
+    content = scenario.content.model_dump(exclude_unset=True, by_alias=True)
+    content["robot"]["gravity"] = 9.81
+    assert ff.load_scenario(content).model().pin_model.gravity.linear[2] == -9.81
+    content["robot"]["base"] = "free"
+    assert error_key(lambda: ff.load_scenario(content).model()) == "robot.gravity"
+
+
+@pytest.mark.slow
+def test_the_fastest_timing_bears_gravity_and_is_verified(tmp_path, monkeypatch) -> None:
+    untried = Check("ranges of headings", True)  # they do not depend on gravity
+    monkeypatch.setattr(range_checks, "_heading_check", lambda *_: untried)
+    robot = ff.load_scenario("ur5_servicer/table").content.robot.model_dump(exclude_unset=True)
+    scenario = {
+        "robot": robot | {"gravity": 9.81}, "task": "pose",
+        "path": {"line": {"from": [0.75, -0.3, 0.7], "to": [0.75, 0.3, 0.75]},
+                 "attitude": {"fixed": {"rpy": [0, 1.5707963268, 0]}}},
+        "timing": {"duration": 20, "law": "optimal"}, "margin": {"measure": "gjm", "value": 0.001},
+        "limits": {"joint_torque": "urdf", "joint_acceleration": 1.0, "clearance": "off"},
+    }  # fmt: skip
+    plan = ff.load_scenario(scenario).plan()
+    assert plan.feasible, plan.reason
+    assert plan.problem.path.duration < 5.0
+    ratios = {entry.limit: entry.ratio for entry in plan.limit_results}
+    assert ratios["joint_torque"] > 0.3
+    assert max(ratios.values()) == pytest.approx(1.0, abs=1e-3)
+    ff.save(plan, tmp_path / "table.h5")
+    loaded = ff.load(tmp_path / "table.h5")
+    assert loaded.problem.model.gravity == 9.81
+    assert ff.check(loaded, "mujoco").passed
 
 
 def test_the_inverse_kinematics_find_the_joints_of_a_pose() -> None:

@@ -38,7 +38,7 @@ class Forces:
 
 
 class InverseDynamics:
-    """Forces at states of a robot whose angular momentum is conserved, without gravity.
+    """Forces at states of a robot whose angular momentum is conserved, and the gravity of a table.
 
     Every function takes the spacecraft's attitude, a unit quaternion x, y, z, w, joint values (n,),
     and rates (3 + n,): the angular velocity of the spacecraft in its own frame, and of the joints;

@@ -28,7 +28,7 @@ _STEP = "0.001"
 
 
 def robot_mjcf(model: FreeFloatingModel, *, shapes: bool = True) -> ET.Element:
-    """A model with a free or planar base and a motor for each joint, without gravity and contacts.
+    """A model with a free or planar base and a motor for each joint, without contacts.
 
     Args:
         model: A robot without :func:`why_refused`.
@@ -40,7 +40,9 @@ def robot_mjcf(model: FreeFloatingModel, *, shapes: bool = True) -> ET.Element:
         root, "compiler", angle="radian", autolimits="true",
         boundmass=_LIGHTEST, boundinertia=_LIGHTEST,
     )  # fmt: skip
-    _add(root, "option", gravity="0 0 0", timestep=_STEP, integrator="RK4")
+    _add(
+        root, "option", gravity=f"0 0 {0.0 - model.gravity:.17g}", timestep=_STEP, integrator="RK4"
+    )
     assets, world = _add(root, "asset"), _add(root, "worldbody")
     elements: list[ET.Element] = []
     motors = _add(root, "actuator")

@@ -15,7 +15,7 @@ import pinocchio as pin
 from freefloat.attitude_grids import low_discrepancy
 from freefloat.errors import InputError, ModelError, finite_vector, member, require_type
 from freefloat.robot.assembly import assemble, end_effector_link, scaled
-from freefloat.robot.base import Base
+from freefloat.robot.base import Base, require_gravity
 from freefloat.robot.bundled import find_robot
 from freefloat.robot.description import Joint, RobotDescription, UrdfDiagnostic
 from freefloat.robot.joint_values import configuration_vector
@@ -60,6 +60,7 @@ class FreeFloatingModel:
         arms: End-effector links of further arms that move along joint curves, by the arm's name.
         path_arms: Those of further arms that follow paths of their own, see :meth:`with_paths`.
         base: What the spacecraft is free to do, or its value, such as ``"planar"``.
+        gravity: Gravity along -z on a table [m/s²], which joint torques have to bear.
         moving_joints: The joints that move, from the spacecraft to the end-effector, then those of
             the further arms.
         arm_dof: Number of joints of all arms that follow paths, the first in joint vectors.
@@ -82,11 +83,14 @@ class FreeFloatingModel:
     arms: Mapping[str, str] = field(default_factory=dict)
     path_arms: Mapping[str, str] = field(default_factory=dict)
     base: Base = Base.FREE
+    gravity: float = 0.0
     moving_joints: tuple[Joint, ...] = field(init=False, repr=False)
     arm_dof: int = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "base", member("base", Base, self.base))
+        gravity = require_gravity(self.gravity, self.base)
+        object.__setattr__(self, "gravity", gravity)
         joints = moving_joints(self.description, self.end_effector_link, self.fixed_joints)
         joints += joints_of_arms(self.description, self.path_arms, joints, self.fixed_joints)
         object.__setattr__(self, "arm_dof", len(joints))
@@ -108,6 +112,7 @@ class FreeFloatingModel:
         payload: Payload | None = None,
         attached: Sequence[Attachment] = (),
         base: Base | str | None = None,
+        gravity: float = 0.0,
     ) -> FreeFloatingModel:
         """Load a robot whose root link is the spacecraft, or an arm with its spacecraft.
 
@@ -126,6 +131,7 @@ class FreeFloatingModel:
             attached: Further URDFs, fixed to links.
             base: What the spacecraft is free to do, ``"free"`` or ``"planar"``; default: what the
                 file says, otherwise free.
+            gravity: Along -z on a table [m/s²], for joint torques.
 
         Raises:
             InputError: If a part or a factor has another type, or a fixed joint is out of range.
@@ -150,7 +156,7 @@ class FreeFloatingModel:
         require_within_ranges(description, fixed_joints or {})
         fixed, further = dict(fixed_joints or {}), dict(arms or {})
         base = description.base if base is None else member("base", Base, base)
-        return cls(description, end_effector, fixed, further, base=base)
+        return cls(description, end_effector, fixed, further, base=base, gravity=gravity)
 
     @classmethod
     def from_pinocchio(
@@ -288,11 +294,13 @@ class FreeFloatingModel:
 
     @cached_property
     def _built(self) -> tuple[Any, Mapping[str, tuple[int, Pose]]]:
-        return build_model(self.description, self.moving_joints, self.fixed_joints)
+        built = build_model(self.description, self.moving_joints, self.fixed_joints)
+        built[0].gravity.linear = np.array([0.0, 0.0, -self.gravity])
+        return built
 
     @property
     def pin_model(self) -> Any:
-        """The Pinocchio model: free-flyer root, moving joints, a frame for each link; no gravity.
+        """The Pinocchio model: free-flyer root, moving joints, a frame for each link.
 
         It is not to be changed; a copy may be.
         """

@@ -49,7 +49,7 @@ def engine_module() -> Any:
 
 
 class MuJoCoModel:
-    """A robot in MuJoCo: free or planar base, no gravity, no contacts, no joint limits.
+    """A robot in MuJoCo: free or planar base, no contacts, no joint limits.
 
     Wheels with a momentum h_w exert the torque -omega x h_w on the spacecraft.
 
@@ -77,7 +77,7 @@ class MuJoCoModel:
             problem = str(error).splitlines()[0] if str(error) else type(error).__name__
             accepted = "a robot that mujoco accepts, or another engine"
             raise InputError("engine", f"mujoco rejects the robot ({problem})", accepted) from None
-        self.model.opt.gravity[:] = 0.0
+        self.model.opt.gravity[:] = 0.0, 0.0, -model.gravity
         self.model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
         self.data = mujoco.MjData(self.model)
         self.root = self.model.body(root.name).id

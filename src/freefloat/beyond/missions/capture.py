@@ -221,6 +221,6 @@ def _with_payload(model: FreeFloatingModel, payload: Payload) -> FreeFloatingMod
     """The robot with a payload at its end-effector."""
     loaded = FreeFloatingModel.from_urdf(
         model.description.text, model.end_effector, fixed_joints=model.fixed_joints,
-        payload=payload, base=model.base,
+        payload=payload, base=model.base, gravity=model.gravity,
     )  # fmt: skip
     return replace(loaded, description=replace(loaded.description, source=model.description.source))

@@ -47,7 +47,8 @@ class UrdfFile:
     @property
     def centre_of_mass(self) -> Array:
         """Centre of mass in the root's frame, all joints at zero [m], shape (3,)."""
-        free = replace(self.model, base=Base.FREE)  # on a table the height is not the base's
+        # on a table the height is not the base's
+        free = replace(self.model, base=Base.FREE, gravity=0.0)
         return -free.base_position(UPRIGHT, np.zeros(free.dof))
 
     @property

@@ -118,6 +118,7 @@ def _origin(model: FreeFloatingModel, scenario: Scenario | None) -> dict[str, An
         "robot": model.description.text,
         "robot_file": os.path.abspath(model.description.source),
         "base": str(model.base),
+        "gravity": json.dumps(model.gravity),
         "held": json.dumps(dict(model.fixed_joints)),
         "arms": json.dumps(dict(model.arms)),
         "path_arms": json.dumps(dict(model.path_arms)),
@@ -229,9 +230,11 @@ def _read_robot(tree: Tree) -> FreeFloatingModel:
         {str(name): str(link) for name, link in json.loads(_text(tree, key)).items()}
         for key in ("arms", "path_arms")
     )
+    gravity = float(json.loads(_text(tree, "gravity")))
     model = FreeFloatingModel(
-        description, _text(tree, "end_effector"), held, arms, path_arms, Base(_text(tree, "base"))
-    )
+        description, _text(tree, "end_effector"), held, arms, path_arms,
+        Base(_text(tree, "base")), gravity,
+    )  # fmt: skip
     if tree["joint_names"].values.tolist() != list(model.joint_names):
         raise ValueError("its joint_names are not those of its robot")
     return model
@@ -243,13 +246,15 @@ def _read_scenario(tree: Tree, model: FreeFloatingModel) -> Scenario:
     samples = {str(name): str(text) for name, text in json.loads(_text(tree, "samples")).items()}
     scenario = parse_scenario(_text(tree, "scenario"), source, samples, model, shapes)
     robot = scenario.content.robot
-    stated = robot.path_link, robot.held, robot.moving_arms, [*paths_of_arms(robot.arms)]
+    arms_of_paths = [*paths_of_arms(robot.arms)]
+    stated = robot.path_link, robot.held, robot.moving_arms, arms_of_paths, robot.gravity
     arms = {**model.arms, **model.path_arms}
     if robot.base not in (None, model.base) or stated != (
         model.end_effector,
         dict(model.fixed_joints),
         arms,
         [*model.path_arms],
+        model.gravity,
     ):
         raise ValueError("its robot is not that of its scenario")
     return scenario

@@ -22,6 +22,7 @@ from freefloat.io.scenario.field_types import (
     Factor,
     Inertia,
     Name,
+    NotNegative,
     Number,
     Positive,
     RollPitchYaw,
@@ -122,6 +123,8 @@ class RobotSection(Section):
     base: Base | None = None
     """``free``, or ``planar`` on a table: the spacecraft moves along x and y and turns about z;
     default: what the file says, otherwise free."""
+    gravity: NotNegative = 0.0
+    """On a table, gravity along -z [m/s²], such as 9.81, which joint torques have to bear."""
     root: Name | None = None
     """Of a model of MuJoCo, the body that is the spacecraft; default: the only body in the world,
     else the only one with a free joint and bodies that move on it. ``world`` is a root without mass
@@ -215,6 +218,7 @@ class RobotSection(Section):
                 payload=None if payload is None else Payload(**payload.values(folder)),
                 attached=self.parts(scenario),
                 base=self.base,
+                gravity=self.gravity,
             ).with_paths(*paths_of_arms(self.arms))
             moving = {self.path_link, *self.moving_arms.values()}
             held = {name: arm.end_effector for name, arm in self.arms.items()

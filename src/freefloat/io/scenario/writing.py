@@ -64,6 +64,7 @@ def scenario_of(
             "urdf": "robot.urdf" if model.description.altered else model.description.source,
             "end_effector": model.end_effector,
             "base": str(model.base) if model.on_table else None,
+            "gravity": model.gravity or None,
             "held": {name: float(value) for name, value in model.fixed_joints.items()},
             "arms": arms_content(model, problem.arms, sections_of_arms(problem.path)) or None,
         },

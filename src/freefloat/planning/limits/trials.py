@@ -96,8 +96,8 @@ class Trials:
         """Factor on the duration with which a candidate keeps everything, and that candidate.
 
         Without momentum its motion is the same, only slower. With momentum the system rotates
-        farther during a longer motion, and so does a tumbling body of the scene; the factor is then
-        one with which it was integrated.
+        farther during a longer motion, so does a tumbling body of the scene, and weights of the arm
+        remain; the factor is then one with which it was integrated.
 
         Args:
             attitudes: Others to try with momentum where joint rates are limited, shape (K, 4).
@@ -107,7 +107,7 @@ class Trials:
             attitude, branch = simulated.motion.initial.attitude, simulated.branch.index
             candidate = ScreenedCandidate(attitude, branch)
             enough: float | None = needed
-            if self.problem.depends_on_timing or self.problem.scene.tumbles:
+            if self._depends_on_duration:
                 enough = self._integrated_stretch(candidate, needed)
             if enough is not None:
                 return enough, candidate
@@ -118,6 +118,12 @@ class Trials:
             return self._searched_stretch(attitudes, joint_rate, ranked[0][0])
         except InputError:  # the system would rotate too often
             return None, None
+
+    @property
+    def _depends_on_duration(self) -> bool:
+        """Whether a longer duration changes more than rates and torques by its powers."""
+        problem = self.problem
+        return problem.depends_on_timing or problem.scene.tumbles or problem.model.gravity > 0.0
 
     def _integrated_stretch(self, candidate: ScreenedCandidate, needed: float) -> float | None:
         """Factor with which a candidate's motion, integrated again, keeps everything.

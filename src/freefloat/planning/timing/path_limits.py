@@ -66,6 +66,7 @@ class PathLimits:
         self._path, self._timing = problem.path.path, problem.path.timing
         self._by_time, self._drift = problem.depends_on_timing, problem.path.drift_twist
         self._solver = problem.resolved_rate_solver()
+        self._has_weight = problem.model.gravity > 0.0
         self._law, self._dynamics = PathLaw(problem), InverseDynamics(problem.system)
         times = np.linspace(0.0, problem.path.duration, 201)
         self._slowest = _SLOW * problem.path.timing.s(times, 1).max()
@@ -152,14 +153,15 @@ class PathLimits:
         """Joint torques and accelerations a u + b x + c: a, b and c, shape (K, 2 n) each."""
         attitudes, joints, *_, speeds = places
         v, still = speeds[:, None], 0.0 * speeds
-        rest = (
-            self._forces(places, still)
-            if self._by_time
-            else np.zeros_like(places.joints.repeat(2, 1))
-        )
-        change = self._rates(places, still + 1.0)[1] - self._rates(places, still)[1]
         resting = np.zeros((len(joints), 3 + joints.shape[1]))
+        change = self._rates(places, still + 1.0)[1] - self._rates(places, still)[1]
         per_acceleration = _stacked(self._dynamics.of_joints(attitudes, joints, resting, change))
+        rest = 0.0 * per_acceleration
+        if self._has_weight:
+            rest = _stacked(self._dynamics.of_joints(attitudes, joints, resting, 0.0 * change))
+        per_acceleration = per_acceleration - rest
+        if self._by_time:
+            rest = self._forces(places, still)
         once = self._forces(places, speeds) - rest
         linear = 0.0 * once
         if self._by_time:

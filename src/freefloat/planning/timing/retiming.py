@@ -22,6 +22,8 @@ from freefloat.planning.timing.usage import limit_usage
 _SLOWER, _SLOWDOWNS = 2.0, 16
 """Factor on the duration up to which a scene that tumbles may slow it down, and how many are tried;
 the duration of the plan is among them."""
+_TRIALS = 6
+"""How often a timing is slowed down, each time more; once is enough where arms have no weight."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,11 +89,14 @@ def retime(plan: Plan, *, threads: int | None = None, progress: Progress | None 
     if plan.problem.depends_on_timing:
         result, agrees = agreeing_plan(plan, chosen, limits, threads, progress)
         return _retiming(result, plan, agrees)
-    problem = with_speeds(plan.problem, fastest_speeds(chosen.motion, limits))
+    speeds = fastest_speeds(chosen.motion, limits)
+    problem = with_speeds(plan.problem, speeds) if speeds else plan.problem
     result = with_timing(plan, chosen, problem, limits)
-    stretch = needed_stretch(result.limit_results)
-    if stretch > 1.0:
-        result = with_timing(plan, chosen, problem.stretched(stretch * OVER), limits)
+    for trial in range(_TRIALS):
+        if (stretch := needed_stretch(result.limit_results)) <= 1.0 or not speeds:
+            break
+        problem = problem.stretched((stretch * OVER) ** 2**trial)
+        result = with_timing(plan, chosen, problem, limits)
     if not result.feasible and problem.scene.tumbles:
         result = _with_slower_timing(plan, chosen, result, limits)
     return _retiming(with_tolerances(result, limits, threads), plan, agrees=True)

@@ -59,7 +59,8 @@ def _accelerations(query: Query) -> Array:
     if limit is None:
         return np.full(n, np.inf)
     dynamics, still = InverseDynamics(query.problem.system), np.zeros(3 + n)
-    torques = [
-        dynamics.of_joints(attitude, joints, still, axis).joint_torques for axis in np.eye(n)
-    ]
-    return np.asarray(limit / np.abs(np.diag(torques)))
+    rest, *torques = (
+        dynamics.of_joints(attitude, joints, still, axis).joint_torques
+        for axis in (np.zeros(n), *np.eye(n))
+    )
+    return np.asarray(np.maximum(limit - np.abs(rest), 0.0) / np.abs(np.diag(torques) - rest))
