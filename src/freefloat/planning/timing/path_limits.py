@@ -92,8 +92,8 @@ class PathLimits:
         rest = (after - before) / times[:, None]
         rows = a, (after_a - before_a) / steps + 2.0 * b, (after_b - before_b) / steps
         bound = self._scale * np.asarray(self._limits.joint_jerk)
-        both = (np.hstack([row, -row]) for row in rows)
-        return JerkRows(*both, np.hstack([bound - rest, bound + rest]))
+        a, b, c = (np.hstack([row, -row]) for row in rows)
+        return JerkRows(a, b, c, np.hstack([bound - rest, bound + rest]))
 
     def kept_at_ends(self) -> bool:
         """Whether momentum and drift alone keep the limits of rates where the path rests."""
