@@ -12,7 +12,7 @@ from .dynamics.measures import singularity_measure as singularity_measure
 # The paper: the path
 from . import paths as paths
 from .paths.path import EndEffectorPath as EndEffectorPath
-from .paths.timing import TimedPath as TimedPath
+from .paths.timed_path import TimedPath as TimedPath
 from .paths.timing import Timing as Timing
 
 # The paper: the problem

@@ -15,7 +15,8 @@ from freefloat.limits.result import LimitResult, needed_stretch, rounded_up
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.motion import Ending
 from freefloat.paths.time_laws import TimeLaw
-from freefloat.paths.timing import Stop, TimedPath, Timing
+from freefloat.paths.timed_path import TimedPath
+from freefloat.paths.timing import Stop, Timing
 from tests.motions import BAD, GOOD, bundled, heading, lasting, simulated
 from tests.prismatic import (
     DURATION,

@@ -40,7 +40,7 @@ from freefloat.errors import InputError
 from freefloat.motion.pointing import AttitudeLimits, Keep
 from freefloat.motion.problem import Problem
 from freefloat.paths.path import EndEffectorPath
-from freefloat.paths.timing import TimedPath
+from freefloat.paths.timed_path import TimedPath
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import UPRIGHT, Array
 

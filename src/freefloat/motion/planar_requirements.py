@@ -9,7 +9,7 @@ from freefloat.dynamics.system import System
 from freefloat.dynamics.tasks import Task
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.errors import InputError
-from freefloat.paths.timing import TimedPath
+from freefloat.paths.timed_path import TimedPath
 from freefloat.so3 import Array
 
 _VANISHING_COMPONENT = 1e-12

@@ -28,7 +28,7 @@ from freefloat.motion.planar_requirements import require_planar
 from freefloat.motion.pointing import AttitudeLimits
 from freefloat.motion.revolutions import require_few_revolutions
 from freefloat.paths.orientation import FreeOrientation
-from freefloat.paths.timing import TimedPath
+from freefloat.paths.timed_path import TimedPath
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.rotations import rotation_matrix
 from freefloat.scene.scene import Scene

@@ -88,7 +88,7 @@ class EndEffectorPath:
         return bool(np.ptp(self._positions, axis=0).any() or rates.any())
 
     def pose(self, s: float | Array) -> Pose:
-        """Pose in the frame of the path: see :class:`~freefloat.paths.timing.TimedPath`."""
+        """Pose in the frame of the path: see :class:`~freefloat.paths.timed_path.TimedPath`."""
         return Pose(self.curve(s), self.orientation.rotation(s))
 
     def tangent(self, s: float | Array) -> Array:

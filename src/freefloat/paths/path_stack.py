@@ -11,7 +11,8 @@ import numpy as np
 
 from freefloat.errors import InputError, require_type
 from freefloat.paths.path import EndEffectorPath
-from freefloat.paths.timing import Prescription, TimedPath, Timing
+from freefloat.paths.timed_path import Prescription, TimedPath
+from freefloat.paths.timing import Timing
 from freefloat.so3 import Array, IntArray, frozen
 
 _APART = 1e-6
@@ -63,47 +64,47 @@ class PathStack(TimedPath):
 
     @property
     def arms(self) -> tuple[str, ...]:
-        """See :class:`~freefloat.paths.timing.TimedPath`."""
+        """See :class:`~freefloat.paths.timed_path.TimedPath`."""
         return tuple(self.further)
 
     @property
     def every(self) -> tuple[TimedPath, ...]:
-        """See :class:`~freefloat.paths.timing.TimedPath`."""
+        """See :class:`~freefloat.paths.timed_path.TimedPath`."""
         return (self.first, *self.further.values())
 
     def stretched(self, factor: float) -> PathStack:
-        """See :class:`~freefloat.paths.timing.TimedPath`."""
+        """See :class:`~freefloat.paths.timed_path.TimedPath`."""
         slower = {name: path.stretched(factor) for name, path in self.further.items()}
         return PathStack.of(self.first.stretched(factor), slower)
 
     def with_drift(self, drift: Array) -> PathStack:
-        """See :class:`~freefloat.paths.timing.TimedPath`."""
+        """See :class:`~freefloat.paths.timed_path.TimedPath`."""
         further = {name: path.with_drift(drift) for name, path in self.further.items()}
         return PathStack.of(self.first.with_drift(drift), further)
 
     @property
     def frame(self) -> str | None:
-        """See :class:`~freefloat.paths.timing.TimedPath`."""
+        """See :class:`~freefloat.paths.timed_path.TimedPath`."""
         return self.first.frame
 
     @property
     def stated(self) -> tuple[EndEffectorPath, Timing]:
-        """See :class:`~freefloat.paths.timing.TimedPath`."""
+        """See :class:`~freefloat.paths.timed_path.TimedPath`."""
         return self.first.stated
 
     @property
     def depends_on_time(self) -> bool:
-        """See :class:`~freefloat.paths.timing.TimedPath`."""
+        """See :class:`~freefloat.paths.timed_path.TimedPath`."""
         return any(path.depends_on_time for path in self.every)
 
     @cached_property
     def breaks(self) -> Array:
-        """See :class:`~freefloat.paths.timing.TimedPath`."""
+        """See :class:`~freefloat.paths.timed_path.TimedPath`."""
         times = np.unique(np.concatenate([path.breaks for path in self.every]))
         return frozen(times[np.diff(times, prepend=0.0) > _APART * self.duration])
 
     def prescribed_between(self, start: float, end: float) -> Prescription:
-        """See :class:`~freefloat.paths.timing.TimedPath`."""
+        """See :class:`~freefloat.paths.timed_path.TimedPath`."""
         every = [path.prescribed_between(start, end) for path in self.every]
 
         def twists_and_speed(t: float) -> tuple[Array, float]:
@@ -115,12 +116,12 @@ class PathStack(TimedPath):
     def twist_and_speed(
         self, t: float | Array, segment: int | IntArray | None = None
     ) -> tuple[Array, Any]:
-        """See :class:`~freefloat.paths.timing.TimedPath`."""
+        """See :class:`~freefloat.paths.timed_path.TimedPath`."""
         twists, speeds = zip(
             *(path.twist_and_speed(t, segment) for path in self.every), strict=True
         )
         return np.concatenate(twists, axis=-1), speeds[0]
 
     def twist_rate(self, t: float | Array, segment: int | IntArray | None = None) -> Array:
-        """See :class:`~freefloat.paths.timing.TimedPath`."""
+        """See :class:`~freefloat.paths.timed_path.TimedPath`."""
         return np.concatenate([path.twist_rate(t, segment) for path in self.every], axis=-1)

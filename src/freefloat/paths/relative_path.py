@@ -13,7 +13,8 @@ from freefloat.paths.curves import Curve
 from freefloat.paths.orientation import FreeOrientation, OrientationLaw
 from freefloat.paths.path import EndEffectorPath
 from freefloat.paths.time_laws import TimeLaw
-from freefloat.paths.timing import TimedPath, Timing
+from freefloat.paths.timed_path import TimedPath
+from freefloat.paths.timing import Timing
 from freefloat.scene.scene_body import SceneBody
 from freefloat.scene.tumbling import Tumbling
 from freefloat.so3 import Array, cross, frozen, turned
@@ -62,7 +63,7 @@ class RelativePath:
         """The path in the frame of the scene, by time.
 
         Args:
-            drift: As for :class:`~freefloat.paths.timing.TimedPath`.
+            drift: As for :class:`~freefloat.paths.timed_path.TimedPath`.
         """
         orientation: OrientationLaw = FreeOrientation()
         if not isinstance(self.path.orientation, FreeOrientation):
@@ -97,23 +98,23 @@ class BodyPath(TimedPath):
     relative: RelativePath = field(kw_only=True, repr=False)
 
     def stretched(self, factor: float) -> BodyPath:
-        """See :class:`~freefloat.paths.timing.TimedPath`; the body moves as before."""
+        """See :class:`~freefloat.paths.timed_path.TimedPath`; the body moves as before."""
         slower = self.relative.timing.stretched(factor)
         return replace(self.relative, timing=slower).timed(self.drift)
 
     @property
     def frame(self) -> str:
-        """See :class:`~freefloat.paths.timing.TimedPath`."""
+        """See :class:`~freefloat.paths.timed_path.TimedPath`."""
         return self.relative.body.name
 
     @property
     def stated(self) -> tuple[EndEffectorPath, Timing]:
-        """See :class:`~freefloat.paths.timing.TimedPath`."""
+        """See :class:`~freefloat.paths.timed_path.TimedPath`."""
         return self.relative.path, self.relative.timing
 
     @property
     def depends_on_time(self) -> bool:
-        """See :class:`~freefloat.paths.timing.TimedPath`."""
+        """See :class:`~freefloat.paths.timed_path.TimedPath`."""
         return True
 
 

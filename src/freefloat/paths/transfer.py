@@ -13,7 +13,8 @@ from freefloat.paths.curves import PolynomialCurve
 from freefloat.paths.orientation import OrientationLaw, exponential_rate
 from freefloat.paths.path import EndEffectorPath
 from freefloat.paths.time_laws import TimeLaw
-from freefloat.paths.timing import TimedPath, Timing
+from freefloat.paths.timed_path import TimedPath
+from freefloat.paths.timing import Timing
 from freefloat.rotations import Rotation
 from freefloat.so3 import Array, Pose, attitude_axes, frozen
 
@@ -83,7 +84,7 @@ def transfer(
         twist: Twist there [m/s; rad/s], inertial axes, shape (6,).
         end: Last pose.
         duration: Duration [s].
-        drift: As for :class:`~freefloat.paths.timing.TimedPath`.
+        drift: As for :class:`~freefloat.paths.timed_path.TimedPath`.
 
     Example:
         >>> from freefloat.so3 import Pose

@@ -33,7 +33,7 @@ from freefloat.io.scenario.path_section import path_of, section_of
 from freefloat.io.scenario.timing_section import TimingSection, timing_content
 from freefloat.motion.problem import Problem
 from freefloat.paths.relative_path import RelativePath
-from freefloat.paths.timing import TimedPath
+from freefloat.paths.timed_path import TimedPath
 from freefloat.scene.scene import Scene
 
 

@@ -14,7 +14,7 @@ from freefloat.io.scenario.path_section import frame_of
 from freefloat.io.scenario.scenario import Scenario
 from freefloat.motion.problem import Problem
 from freefloat.paths.curves import SplineCurve
-from freefloat.paths.timing import TimedPath
+from freefloat.paths.timed_path import TimedPath
 from freefloat.rotations import Rotation
 from freefloat.scene.scene_body import SceneBody
 from freefloat.so3 import Array, Pose

@@ -35,7 +35,8 @@ from freefloat.paths.orientation import (
 from freefloat.paths.path import EndEffectorPath
 from freefloat.paths.relative_path import RelativePath
 from freefloat.paths.samples import parse_samples
-from freefloat.paths.timing import TimedPath, Timing
+from freefloat.paths.timed_path import TimedPath
+from freefloat.paths.timing import Timing
 from freefloat.planning.settings import Search
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.rotations import Rotation

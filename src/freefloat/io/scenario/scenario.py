@@ -31,7 +31,8 @@ from freefloat.limits.limits import Limits
 from freefloat.motion.margin import Margin
 from freefloat.motion.problem import Problem
 from freefloat.paths.path_stack import PathStack
-from freefloat.paths.timing import TimedPath, Timing
+from freefloat.paths.timed_path import TimedPath
+from freefloat.paths.timing import Timing
 from freefloat.planning.objectives.objective import Objective
 from freefloat.planning.objectives.objectives import objective_of
 from freefloat.planning.settings import Search

@@ -12,7 +12,7 @@ from matplotlib.patches import Circle, Wedge
 
 from freefloat.dynamics.plane import Plane
 from freefloat.motion.problem import Problem
-from freefloat.paths.timing import TimedPath
+from freefloat.paths.timed_path import TimedPath
 from freefloat.regions.planar_regions import Interval
 from freefloat.regions.workspace import Workspace
 from freefloat.so3 import Array

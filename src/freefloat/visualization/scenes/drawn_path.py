@@ -10,7 +10,7 @@ from freefloat.motion.motion import Motion
 from freefloat.paths.curves import SplineCurve
 from freefloat.paths.orientation import OrientationSpline
 from freefloat.paths.path import EndEffectorPath
-from freefloat.paths.timing import TimedPath
+from freefloat.paths.timed_path import TimedPath
 from freefloat.rotations import Rotation
 
 

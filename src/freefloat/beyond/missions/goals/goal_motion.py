@@ -26,7 +26,8 @@ from freefloat.paths.curves import PolynomialCurve
 from freefloat.paths.orientation import FixedOrientation
 from freefloat.paths.path import EndEffectorPath
 from freefloat.paths.time_laws import TimeLaw
-from freefloat.paths.timing import TimedPath, Timing
+from freefloat.paths.timed_path import TimedPath
+from freefloat.paths.timing import Timing
 from freefloat.planning.answer import Answer, PhaseResult
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.rotations import Rotation

@@ -11,7 +11,7 @@ import numpy as np
 from freefloat.dynamics.redundancy import Redundancy
 from freefloat.errors import InputError
 from freefloat.motion.problem import Problem
-from freefloat.paths.timing import TimedPath
+from freefloat.paths.timed_path import TimedPath
 from freefloat.scene.scene import Scene
 from freefloat.scene.scene_body import SceneBody
 from freefloat.so3 import Array, Pose

@@ -12,7 +12,7 @@ from freefloat.errors import InputError
 from freefloat.motion.problem import Problem
 from freefloat.paths.path import EndEffectorPath
 from freefloat.paths.relative_path import RelativePath
-from freefloat.paths.timing import TimedPath
+from freefloat.paths.timed_path import TimedPath
 from freefloat.rotations import Rotation
 from freefloat.scene.scene_body import SceneBody
 from freefloat.so3 import Array, Pose, rotation_vector_between

@@ -11,7 +11,7 @@ from freefloat.dynamics.momentum import end_effector_jacobian
 from freefloat.limits.limits import Limits
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
-from freefloat.paths.timing import TimedPath
+from freefloat.paths.timed_path import TimedPath
 from freefloat.scene.scene import Scene
 from freefloat.so3 import Array, Pose, frozen
 

@@ -29,7 +29,7 @@ from freefloat.motion.integration import integrate_motion
 from freefloat.motion.margin import Margin
 from freefloat.motion.problem import Problem
 from freefloat.paths.relative_path import RelativePath
-from freefloat.paths.timing import TimedPath
+from freefloat.paths.timed_path import TimedPath
 from freefloat.paths.transfer import transfer
 from freefloat.planning.plan import Plan
 from freefloat.planning.reasons import PRECEDED, Cause, Verdict
