@@ -50,18 +50,19 @@ class Retiming:
 
 
 def retime(plan: Plan, *, threads: int | None = None, progress: Progress | None = None) -> Retiming:
-    """Find the fastest timing of a plan's path under its limits of rates and torques.
+    """Find the fastest timing of a plan's path under its limits that depend on the timing.
 
     Without momentum and drift spacecraft and arm follow the same configurations, at other times:
     margin, ranges and attitude tolerance remain. Otherwise the motion is another one: the attitude
     remains where the motion from it keeps margin and limits at its own fastest timing, and the
     path is planned again where it does not, until timing and motion agree. Where the arm would be
     too near to a tumbling body, the timing is slowed down until it is not. Without limits of joint
-    torques accelerations are not limited: the speed changes as fast as the intervals of the timing
-    permit.
+    torques and accelerations the speed changes as fast as the intervals of the timing permit. With
+    limits of jerks accelerations are continuous.
 
     Args:
-        plan: A feasible plan with limits of joint rates, joint torques or the spacecraft's rate.
+        plan: A feasible plan with limits of rates, torques, accelerations or jerks of joints, or of
+            the spacecraft's rate.
         threads: As for :func:`~freefloat.planning.planner.plan`.
         progress: Called with the fraction done, in [0, 1], where the path is planned again.
 

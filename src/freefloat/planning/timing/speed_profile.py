@@ -1,11 +1,9 @@
-"""The fastest speeds along the path of a motion under limits of rates and torques.
+"""The fastest speeds along the path of a motion under limits of rates, torques and accelerations.
 
-With x = (ds/dt)² and u = d²s/dt² the torques of a drifting robot without momentum are a(s) u +
-b(s) x, its rates q'(s) ds/dt: nothing else depends on time. In intervals of s with constant u, x is
-linear in s, and all limits are linear in the values of x at their ends. The fastest speeds are the
-solution of a linear program, see Verscheure et al., Time-optimal path tracking for robots, IEEE
-Transactions on Automatic Control 54(10), 2009. With momentum or drift the further terms of the
-rates and torques are linearized about the speeds that the motion has.
+In intervals of s with constant u = d²s/dt², x = (ds/dt)² is linear in s, and all limits, see
+:mod:`~freefloat.planning.timing.path_limits`, are linear in the values of x at their ends. The
+fastest speeds are the solution of a linear program, see Verscheure et al., Time-optimal path
+tracking for robots, IEEE Transactions on Automatic Control 54(10), 2009.
 """
 
 from __future__ import annotations
@@ -33,7 +31,7 @@ _FRACTIONS = (0.0, 0.5, 1.0)
 INTERVALS = 400
 """Number of intervals: constant u in each costs at most about 0.1 % of the duration."""
 _PASSES = (0.25, 0.5, 1.0)
-"""Fractions of the intervals in successive linear programs under limits of torques.
+"""Fractions of the intervals in successive linear programs under limits of torques, accelerations.
 
 The first one maximizes the sum of x, the others the time saved near the one before. With limits of
 rates alone the first one is the solution, and knots closer to the ends would only make the
