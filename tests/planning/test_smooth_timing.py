@@ -7,13 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import toppra
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import CubicHermiteSpline, CubicSpline
 from toppra import algorithm, constraint
 
 import freefloat as ff
 from freefloat.planning.timing.speed_profile import fastest_speeds
 from freefloat.planning.timing.timed_plan import with_speeds
 from tests.commands import document, run
+from tests.errors import error_key
 from tests.motions import bundled, first_motion
 from tests.prismatic import RELATIVE, prismatic_motion, prismatic_robot
 
@@ -111,6 +112,33 @@ def test_with_momentum_jerks_are_kept_at_the_fastest_timing_that_agrees() -> Non
     result = ff.retime(ff.plan(problem, limits=limits))
     assert result.agrees
     assert max(entry.ratio for entry in result.plan.limit_results) == pytest.approx(1.0, abs=5e-3)
+
+
+def test_rows_of_speeds_with_accelerations_are_cubic_hermite_splines() -> None:
+    times, speeds, accelerations = np.array([0.0, 1.0, 3.0]), [0.0, 1.5, 0.0], [0.0, -0.75, 0.0]
+    spline = CubicHermiteSpline(times, speeds, accelerations)
+    length = float(spline.integrate(0.0, 3.0))
+    rows = np.column_stack([times, np.divide(speeds, length), np.divide(accelerations, length)])
+    timing = ff.Timing(3.0, "optimal", speeds=tuple(map(tuple, rows)))
+    t = np.linspace(0.0, 3.0, 31)
+    np.testing.assert_allclose(timing.s(t, 1), spline(t) / length, atol=1e-12)
+    np.testing.assert_allclose(timing.s(t), spline.antiderivative()(t) / length, atol=1e-12)
+    twice = timing.stretched(2.0)
+    np.testing.assert_allclose(twice.s(2.0 * t, 2), timing.s(t, 2) / 4.0, atol=1e-12)
+    ragged = [(0.0, 0.0), (1.0, 1.0, 0.0), (2.0, 0.0)]
+    assert error_key(lambda: ff.Timing(2.0, "optimal", speeds=ragged)) == "timing.speeds"
+
+
+@pytest.mark.slow
+def test_a_longer_duration_keeps_accelerations_and_jerks() -> None:
+    problem = bundled("planar_2dof/line").replace(momentum=np.zeros(3))
+    limits = ff.Limits(
+        joint_acceleration=np.full(2, 0.02), joint_jerk=np.full(2, 0.004), clearance="off"
+    )
+    plan = ff.plan(problem, limits=limits, stretch=True)
+    assert plan.feasible
+    assert plan.stretch > 1.0
+    assert max(entry.ratio for entry in plan.limit_results) == pytest.approx(1.0, abs=1e-3)
 
 
 @pytest.mark.slow
