@@ -86,5 +86,11 @@ def _fastest_plan(
     if narrower is not limits and not result.feasible:
         result = stretched_plan(partial(first, limits=limits), problem)
     if result.feasible:
-        return retime(replace(result, limits=limits), threads=threads).plan
+        fastest = retime(replace(result, limits=limits), threads=threads).plan
+        if fastest.feasible or not problem.model.gravity:
+            return fastest
+        slow = stretched_plan(
+            partial(planned, limits=limits), problem
+        )  # the arm is too heavy there
+        return retime(slow, threads=threads).plan if slow.feasible else fastest
     return at_first_guess(result, problem) if problem.depends_on_timing else result

@@ -23,6 +23,8 @@ _USED = 0.99
 """Fraction of limits of rates that paths in a given duration use."""
 _ASSUMED = 1.0
 """Least limit that is assumed of joint rates without limit [rad/s or m/s]."""
+_LEFT = 0.01
+"""Least fraction of a limit of torques that the weight of the arm is assumed to leave."""
 
 
 def families_of(query: Query, shapes: Sequence[ShapeLimits]) -> Iterator[Relaxation]:
@@ -63,4 +65,5 @@ def _accelerations(query: Query) -> Array:
         dynamics.of_joints(attitude, joints, still, axis).joint_torques
         for axis in (np.zeros(n), *np.eye(n))
     )
-    return np.asarray(np.maximum(limit - np.abs(rest), 0.0) / np.abs(np.diag(torques) - rest))
+    left = np.maximum(limit - np.abs(rest), _LEFT * limit)
+    return np.asarray(left / np.abs(np.diag(torques) - rest))
