@@ -6,21 +6,15 @@ Every plan begins with a model: bodies, joints and masses. The root link of the 
 spacecraft; the chain from it to the end-effector is the arm.
 """
 
-from pathlib import Path
-
 import numpy as np
 
 import freefloat as ff
-from freefloat.robot.bundled import find_robot
-from freefloat.robot.parts import Mount
-from freefloat.robot.robot_packages import example_robots
 
-# Any URDF will do whose root link is the spacecraft. These are the robots of the paper's Examples 1
-# and 2, which come with freefloat.
+# Any URDF will do whose root link is the spacecraft: a file, or the name of a bundled one, as here
+# the robots of the paper's Examples 1 and 2.
 for robot in ("planar_3dof", "spatial_6dof"):
-    urdf = find_robot(robot, Path())
-    model = ff.FreeFloatingModel.from_urdf(urdf, end_effector="end_effector")
-    print(f"{urdf.name}: {model.total_mass:g} kg, {model.dof} joints that move")
+    model = ff.FreeFloatingModel.from_urdf(robot, end_effector="end_effector")
+    print(f"{robot}: {model.total_mass:g} kg, {model.dof} joints that move")
     for name, body in zip(model.joint_names, model.bodies[1:], strict=True):
         print(f"  {name}: moves {body.mass:g} kg")
     # Warnings about the URDF, with their lines.
@@ -32,10 +26,10 @@ spacecraft = ff.Spacecraft(
     mass=200.0,
     inertia=np.diag([35.0, 35.0, 35.0]),  # about its centre of mass [kg m²]
     size=(1.0, 1.0, 1.0),
-    mount=Mount(xyz=(0.5, 0.0, 0.0), rpy=(0.0, np.pi / 2, 0.0)),
+    mount=ff.so3.Pose([0.5, 0.0, 0.0], np.array([[0, 0, 1], [0, 1, 0], [-1, 0, 0]])),
 )
 servicer = ff.FreeFloatingModel.from_urdf(
-    example_robots()["ur5"], end_effector="tool0", spacecraft=spacecraft
+    "example-robot-data:ur5", end_effector="tool0", spacecraft=spacecraft
 )
 print(f"ur5 on a spacecraft: {', '.join(servicer.joint_names)}")
 print(f"total mass: {servicer.total_mass:.4f} kg")

@@ -7,16 +7,12 @@ S* gives the velocity of the end-effector per joint rate while the system's mome
 becomes singular in other configurations than the Jacobian of the same arm on a fixed base.
 """
 
-from pathlib import Path
-
 import numpy as np
 from scipy.optimize import brentq
 
 import freefloat as ff
-from freefloat.dynamics.momentum import end_effector_jacobian
-from freefloat.robot.bundled import find_robot
 
-model = ff.FreeFloatingModel.from_urdf(find_robot("planar_2dof", Path()))
+model = ff.FreeFloatingModel.from_urdf("planar_2dof")
 task = ff.Task.PLANAR_POSITION  # two joints, two coordinates
 bent = np.radians([30.0, 60.0])
 
@@ -24,8 +20,9 @@ bent = np.radians([30.0, 60.0])
 S = ff.generalized_jacobian(model, bent, task)
 print("S*:", np.round(S, 4), sep="\n")
 
-# With a fixed base: columns 6 on are the joints'.
-J = end_effector_jacobian(model, bent)[:2, 6:]
+# A spacecraft of a million times the mass is a fixed base.
+fixed = ff.FreeFloatingModel.from_urdf("planar_2dof", scale_mass={"spacecraft": 1e6})
+J = ff.generalized_jacobian(fixed, bent, task)
 print("J:", np.round(J, 4), sep="\n")
 
 
@@ -36,6 +33,6 @@ def determinant(elbow: float) -> float:
 
 # J is singular with the arm straight (0 or 180 degrees) and nowhere else; S* in another place.
 elbow = brentq(determinant, np.radians(1.0), np.radians(90.0))
-J = end_effector_jacobian(model, [np.radians(60.0), elbow])[:2, 6:]
+J = ff.generalized_jacobian(fixed, [np.radians(60.0), elbow], task)
 print(f"there det S* = {abs(determinant(elbow)):.0e} m², but det J = {np.linalg.det(J):.4f} m²")
 print(f"dynamically singular at an elbow of {np.degrees(elbow):.4f} deg")

@@ -7,27 +7,24 @@ A problem consists of a robot, a task, a timed path, the momentum and the margin
 integrated for each arm branch that reaches the start of the path.
 """
 
-from pathlib import Path
-
 import numpy as np
 
 import freefloat as ff
-from freefloat.robot.bundled import find_robot
-from freefloat.so3 import axes_rotation
-
-task = ff.Task.POSE  # position and orientation of the end-effector
-model = ff.FreeFloatingModel.from_urdf(find_robot("spatial_6dof", Path()))
 
 # The path: position [m], from the centre of mass of the system, and orientation.
 line = ff.paths.PolynomialCurve.line([1, 0, 0], [-0.5, 0.8, 0.33])
-axes = axes_rotation("attitude", ("x", [0.4683, 1.1683, -0.7]), ("z", [1.5, -0.8, -0.33]))
+axes = ff.so3.axes_rotation("attitude", ("x", [0.4683, 1.1683, -0.7]), ("z", [1.5, -0.8, -0.33]))
 path = ff.EndEffectorPath(line, ff.paths.FixedOrientation(axes))
 
 # From rest to rest in 100 s. The magnitude of the measure must not fall below 5.
-timed = ff.TimedPath(path, ff.Timing(duration=100.0))
-margin = ff.Margin(ff.singularity_measure(model, task, "arm"), 5.0)
-momentum = np.array([0.5, 0.3, 0.1])  # angular momentum [N m s]
-problem = ff.Problem(model, timed, task, momentum, margin)
+problem = ff.Problem(
+    "spatial_6dof",
+    path=path,
+    duration=100.0,
+    momentum=[0.5, 0.3, 0.1],  # angular momentum [N m s]
+    margin=("in-plane factor", 5.0),
+)
+print(f"task: {problem.task}, of {problem.model.dof} joints")
 
 # The motions of all arm branches from one attitude of the spacecraft (x, y, z, w):
 simulation = ff.simulate(problem, attitude=[0.1, 0.5, 0.2, -0.8367])

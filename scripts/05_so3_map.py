@@ -7,14 +7,9 @@ In space the feasible set has no closed form. Motions from many attitudes are in
 with every arm branch; the more attitudes, the finer the map.
 """
 
-from pathlib import Path
-
 import numpy as np
 
 import freefloat as ff
-from freefloat.planning.space.regions import find_regions
-from freefloat.visualization.figure_style import save_figures
-from freefloat.visualization.figures.map_figures import histogram_figure
 
 SAMPLES = 512  # attitudes, evenly spread; 36,864 make a fine map
 
@@ -24,7 +19,7 @@ result = ff.attitude_map(problem, SAMPLES)
 print(f"{result.motions:,} motions integrated")
 
 # Connected regions of feasible attitudes of each arm branch, and the attitude deepest inside.
-for region in find_regions(result)[:4]:
+for region in result.regions[:4]:
     centre = np.array2string(region.centre, precision=4)
     print(f"branch {region.branch}: {region.fraction:.1%} of SO(3), {centre} (x y z w) is")
     print(f"  {np.degrees(region.depth):.1f} deg from the nearest infeasible sample")
@@ -33,6 +28,6 @@ for region in find_regions(result)[:4]:
 sample, branch = np.unravel_index(np.argmax(result.margins), result.margins.shape)
 print(f"largest margin {result.margins.max():.2f}: {result.attitudes[sample]}, branch {branch}")
 
-files = save_figures(Path(), {"so3_map": histogram_figure(result)})
-print("drawn:", ", ".join(str(file) for file in files))
+ff.figures(result)["map_histogram"].savefig("so3_map.png")
+print("drawn: so3_map.png")
 print(f"feasible: {result.feasible_fraction:.2%} of {SAMPLES:,} attitudes")

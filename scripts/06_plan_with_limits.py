@@ -8,9 +8,9 @@ one, others are tried.
 """
 
 from dataclasses import replace
+from typing import Any
 
 import freefloat as ff
-from freefloat.limits.result import LimitResult, needed_stretch
 
 scenario = ff.load_scenario("planar_2dof/line")
 plan = scenario.plan()  # with the limits of the file; joint ranges always apply
@@ -18,7 +18,7 @@ problem, limits = plan.problem, plan.limits
 print(f"chosen for {plan.reason}")
 
 
-def show(results: tuple[LimitResult, ...]) -> None:
+def show(results: tuple[Any, ...]) -> None:
     """Print the extreme value of every limit."""
     for result in results:
         verdict = "kept" if result.kept else "violated"
@@ -41,7 +41,7 @@ print("with slow joints")
 show(results)
 
 # Without momentum a longer duration scales all joint rates alike.
-longer = problem.stretched(needed_stretch(results))
+longer = problem.stretched(max(result.stretch for result in results))
 start = plan.chosen.motion.initial
 motion = ff.simulate(longer, start.attitude, joints=start.joints).chosen.motion
 print("with slow joints and more time")

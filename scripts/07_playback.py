@@ -6,17 +6,16 @@ and ends in the angle between the final attitudes of the two spacecraft [degrees
 The page contains robot, path and motions. It can be mailed, or embedded as below.
 """
 
+from typing import Any
+
 import numpy as np
 
 import freefloat as ff
-from freefloat.io.formats.trajectory import Trajectory
-from freefloat.motion.motion import Motion
-from freefloat.so3 import angle_between
 
 problem = ff.load_scenario("planar_3dof/parabola").problem()
 
 
-def from_heading(degrees: float) -> Motion:
+def from_heading(degrees: float) -> Any:
     """The motion of arm branch 0 from a heading of the spacecraft."""
     half = np.radians(degrees) / 2.0
     return ff.simulate(problem, [0.0, 0.0, np.sin(half), np.cos(half)], branch=0).chosen.motion
@@ -38,7 +37,7 @@ print(f"{', '.join(playback.titles)}; {playback.duration:g} s")
 
 # Numbers of a motion at any times, such as the end of the shorter one:
 end = singular.final.time
-trajectory = Trajectory.of(feasible, np.linspace(0.0, end, 5))
-print("joints of the feasible motion then:", np.round(trajectory.joints[-1], 4))
-apart = angle_between(feasible.sample([end])[0].attitude, singular.final.attitude)
+state = feasible.sample([end])[0]
+print("joints of the feasible motion then:", np.round(state.joints, 4))
+apart = ff.so3.angle_between(state.attitude, singular.final.attitude)
 print(f"apart: {np.degrees(apart):.4f} deg")

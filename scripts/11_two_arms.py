@@ -20,7 +20,7 @@ model = ff.FreeFloatingModel(
 )  # fmt: skip
 start = np.array([0.72, -0.69, 0.88, 0.12, 0.21, 1.18])
 curve = ff.ArmCurve.evenly([start, start + 1.57 * np.eye(6)[5]], held.problem.path.duration)
-arms = ff.ArmCurves({"left": curve})
+arms = {"left": curve}
 problem = held.problem.replace(model=model, arms=arms, limits=None)  # those were of fewer joints
 moved = ff.simulate(problem, attitude)
 print(f"moving: {moved.reason}, {len(model.joint_names)} joints move")

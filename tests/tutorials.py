@@ -40,7 +40,7 @@ far as its samples are apart."""
 WRITTEN = {
     "03_follow_a_path": ["motion.png"],
     "04_planar_ranges": ["joint_space.png"],
-    "05_so3_map": ["so3_map.png", "so3_map.pdf"],
+    "05_so3_map": ["so3_map.png"],
     "06_plan_with_limits": ["snapshots.png"],
     "07_playback": ["playback.html"],
     "08_study": ["study/study.sqlite", "study/cases.csv", "study/summary.png"],

@@ -68,9 +68,9 @@ def random_case(rng: np.random.Generator, *, both: bool = False) -> Case:
     times = np.array([0.0, *np.sort(rng.uniform(0.2, 0.8, 2)), 1.0]) * DURATION
     curve = ff.ArmCurve(np.cumsum(rng.normal(0.0, 0.4, (4, other)), axis=0), times)
     joints, attitude = rng.uniform(-2.0, 2.0, count), Rotation.random(rng=rng).as_quat()
-    curves, every = ff.ArmCurves({"other": curve}), np.append(joints, curve.waypoints[0])
+    curves, every = {"other": curve}, np.append(joints, curve.waypoints[0])
     if both:
-        model, curves, joints = model.with_paths("other"), ff.ArmCurves(), every
+        model, curves, joints = model.with_paths("other"), {}, every
     loaded = rng.random() < 0.5
     h, w, drift = rng.normal(size=(3, 3)) * [[2.0], [1.0], [0.003]] * loaded
     paths, lines = [], []

@@ -85,7 +85,7 @@ def random_two_arms(rng: np.random.Generator) -> tuple[str, Problem, ff.Search]:
     path = ff.paths.PathStack.of(paths[0], {"other": paths[1]}) if paths[1:] else paths[0]
     measure = singularity_measure(model, task, str(rng.choice(["gjm", "sigma", "system"])))
     margin = ff.Margin(measure, float(rng.uniform(0.02, 0.25) * abs(measure(joints))))
-    problem = Problem(model, path, task, h, margin, arms=ff.ArmCurves(curves))
+    problem = Problem(model, path, task, h, margin, arms=curves)
     objective = str(rng.choice(["margin", "robust"]))
     text = f"{law} {task} {measure.name} {objective}" + (" h" if h.any() else "")
     if planar:

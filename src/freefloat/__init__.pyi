@@ -45,7 +45,6 @@ from .visualization.page.playback import show as show
 from .errors import InputError as InputError
 
 # Beyond the paper: an arm on a spacecraft
-from .robot.parts import Mount as Mount
 from .robot.parts import Payload as Payload
 from .robot.parts import Spacecraft as Spacecraft
 from .robot.source import RobotSource as RobotSource
@@ -68,7 +67,6 @@ from .limits.check import check_limits as check_limits
 # Beyond the paper: further arms, redundancy and wheels
 from .dynamics.redundancy import Redundancy as Redundancy
 from .motion.arm_curves import ArmCurve as ArmCurve
-from .motion.arm_curves import ArmCurves as ArmCurves
 
 # Beyond the paper: timing
 from .planning.timing.retiming import retime as retime

@@ -98,3 +98,34 @@ def test_a_heading_stands_for_an_attitude_in_the_plane(planar, spatial):
         (planar, {}),
     ):
         assert error_key(problem.attitude, **wrong) == ("heading" if wrong else "attitude")
+
+
+def test_plain_values_make_the_problem_of_a_scenario(spatial):
+    """A name, a path with its duration, and a measure: the same motion as of Example 2's file."""
+    path = spatial.path.path
+    problem = ff.Problem(
+        "spatial_6dof", "end_effector", path=path, duration=spatial.path.duration,
+        momentum=spatial.momentum.tolist(), margin=("in-plane factor", 5),
+    )  # fmt: skip
+    assert (problem.task, problem.margin.threshold) == (ff.Task.POSE, 5.0)
+    motions = [ff.simulate(p, GOOD, branch=0).chosen for p in (problem, spatial)]
+    assert_close(*(m.motion.final.joints for m in motions), atol=1e-9)
+    assert_close(*(m.minimum_margin for m in motions), atol=1e-9)
+    positions = ff.Problem(problem.model, path.curve, duration=50.0, margin=("gjm", 0.1))
+    assert (positions.task, positions.redundant) == (ff.Task.POSITION, True)
+
+
+def test_plain_values_that_are_missing_or_contradict_are_named(spatial):
+    path, measure = spatial.path.path, ("gjm", 0.1)
+    build = partial(ff.Problem, "spatial_6dof", "end_effector")
+    for values, key in (
+        ({"duration": 9.0, "margin": measure}, "path"),
+        ({"path": path, "margin": measure}, "duration"),
+        ({"path": spatial.path, "duration": 9.0, "margin": measure}, "duration"),
+        ({"path": path, "duration": 9.0}, "margin"),
+        ({"path": path, "duration": 9.0, "margin": ("gjm",)}, "margin"),
+        ({"path": path, "duration": 9.0, "margin": ("det", 0.1)}, "measure"),
+    ):
+        assert error_key(partial(build, **values)) == key
+    other = partial(ff.Problem, spatial.model, "tool", path=spatial.path, margin=measure)
+    assert error_key(other) == "end_effector"

@@ -217,7 +217,7 @@ def test_another_curve_of_the_other_arm_is_found(problem):
     simulation = ff.simulate(problem, [0.0, 0.0, 0.0, 1.0], branch=0)
     left = problem.arms.curves["left"]
     shifted = ff.ArmCurve(left.waypoints + np.array([0.0, 0.1]), left.times)
-    other = problem.replace(arms=ff.ArmCurves({"left": shifted}))
+    other = problem.replace(arms={"left": shifted})
     chosen = replace(simulation.chosen, motion=replace(simulation.motion, problem=other))
     report = ff.check(replace(simulation, chosen=chosen, branches=(chosen,)))
     assert "further arms" in {check.name for check in report.discrepancies}

@@ -10,6 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from scipy.spatial.transform import Rotation
 
@@ -19,6 +20,7 @@ from freefloat.io.scenario.scenario import Scenario, parse_scenario
 from freefloat.motion.motion import DEGREE
 from freefloat.paths import Stop, TimeLaw
 from freefloat.verification.comparisons import certificate_checks
+from tests.errors import error_key
 from tests.motions import compiled_motion, first_motion
 
 FIXED = "attitude: {fixed: {axes: {x: [0.4683, 1.1683, -0.7], z: [1.5, -0.8, -0.33]}}}"
@@ -126,3 +128,16 @@ def test_panels_end_where_the_path_is_not_smooth(backwards: bool) -> None:
     assert set(breaks.tolist()) <= set(motion.times[::DEGREE].tolist())
     reached = np.array([law.s(t) for t in breaks.tolist()])
     assert np.abs(reached[:, None] - path.breaks).min(axis=0).max() < 1e-14
+
+
+def test_a_path_through_poses_meets_them_smoothly() -> None:
+    """Position, orientation and twist, against Pinocchio's poses and differences."""
+    pin.seed(4)
+    poses = [pin.SE3.Random() for _ in range(4)]
+    path = ff.paths.through(poses)
+    for s, pose in zip((0.0, *path.breaks, 1.0), poses, strict=True):
+        np.testing.assert_allclose(path.pose(s).position, pose.translation, atol=1e-12)
+        np.testing.assert_allclose(path.pose(s).rotation, pose.rotation, atol=1e-12)
+    before, after = (path.second_derivative(path.breaks[1] + side) for side in (-1e-5, 1e-5))
+    np.testing.assert_allclose(before, after, atol=5e-2)
+    assert error_key(ff.paths.through, [poses[0], 1.0]) == "poses.1"

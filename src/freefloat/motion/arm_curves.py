@@ -109,7 +109,7 @@ class ArmCurves:
 
     Example:
         >>> left = ff.ArmCurve([[0.0, 0.0], [0.4, -0.2]], [0.0, 10.0])
-        >>> ff.ArmCurves({"left": left}).at(10.0)
+        >>> ArmCurves({"left": left}).at(10.0)
         array([ 0.4, -0.2])
     """
 

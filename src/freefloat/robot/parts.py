@@ -34,7 +34,7 @@ class Mount:
         rpy: Roll, pitch, yaw about the carrier's x, y, z axes in this order [rad], shape (3,).
 
     Example:
-        >>> ff.Mount([0.0, 0.0, 1.0]).pose.position
+        >>> Mount([0.0, 0.0, 1.0]).pose.position
         array([0., 0., 1.])
     """
 

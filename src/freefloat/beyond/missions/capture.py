@@ -44,7 +44,7 @@ class Client:
         name: Name of its link as a payload, with a number where the robot has one of this name.
 
     Example:
-        >>> grapple = ff.Mount([0.5, 0.0, 0.0])
+        >>> grapple = ff.so3.Pose([0.5, 0.0, 0.0], np.eye(3))
         >>> ff.Client(mass=100.0, inertia=[20.0, 20.0, 10.0], grapple=grapple).payload.mass
         100.0
     """
@@ -58,7 +58,7 @@ class Client:
     name: str = "payload"
 
     def __post_init__(self) -> None:
-        require_type("client.grapple", self.grapple, Mount, "Mount(xyz, rpy)")
+        object.__setattr__(self, "grapple", Mount.of("client.grapple", self.grapple))
         for name in ("angular_velocity", "velocity", "com"):
             values = frozen(finite_vector(f"client.{name}", getattr(self, name), 3))
             object.__setattr__(self, name, values)
