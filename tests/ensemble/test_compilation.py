@@ -14,9 +14,9 @@ import pytest
 from numba.core.dispatcher import Dispatcher
 
 import freefloat as ff
+from freefloat.beyond.engines.rate_commands import RateCommands
 from freefloat.ensemble.ensemble import EnsembleIntegrator
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
-from freefloat.ensemble.rate_commands import RateCommands
 from freefloat.lockstep.cache_files import CheckedCacheFile
 from freefloat.lockstep.compilation import compiled
 from freefloat.motion.motion import Motion

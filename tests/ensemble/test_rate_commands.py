@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import freefloat as ff
+from freefloat.beyond.engines.measure_values import MeasureValues
+from freefloat.beyond.engines.rate_commands import RateCommands
 from freefloat.dynamics.momentum import mass_matrix
-from freefloat.ensemble.measure_values import MeasureValues
-from freefloat.ensemble.rate_commands import RateCommands
 
 
 @pytest.mark.slow

@@ -6,7 +6,7 @@ import logging
 from functools import cache
 from typing import TYPE_CHECKING, TypeAlias
 
-from freefloat.ensemble.precise_motions import PreciseIntegrator
+from freefloat.ensemble.motions_one_by_one import PreciseIntegrator
 from freefloat.errors import MissingNumbaError
 from freefloat.motion.pointing import AttitudeLimits
 from freefloat.motion.problem import Problem

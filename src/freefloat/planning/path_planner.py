@@ -19,8 +19,8 @@ from freefloat.planning.limits.trials import PassedTrial
 from freefloat.planning.plan import Plan
 from freefloat.planning.planar_planner import plan_in_plane
 from freefloat.planning.settings import Search
+from freefloat.planning.space.attitude_tolerance import EFFORT, robust_radius
 from freefloat.planning.space.disturbances import tolerance
-from freefloat.planning.space.robust_radius import EFFORT, robust_radius
 from freefloat.planning.spatial_planner import plan_in_space
 
 

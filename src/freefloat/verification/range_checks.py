@@ -26,9 +26,9 @@ from freefloat.planning.plane.continuation import keeps_from_nearby
 from freefloat.planning.searches.adversary import violations
 from freefloat.planning.settings import PLAN_ATTITUDES
 from freefloat.planning.simulated_branch import SimulatedBranch
+from freefloat.planning.space.attitude_tolerance import NearbyAttitudes, robust_radius
 from freefloat.planning.space.disturbances import LONGEST, tolerance
 from freefloat.planning.space.mapping import sample_attitudes
-from freefloat.planning.space.robust_radius import NearbyAttitudes, robust_radius
 from freefloat.planning.tolerance import SearchEffort, Tolerance
 from freefloat.records import Known
 from freefloat.so3 import Array

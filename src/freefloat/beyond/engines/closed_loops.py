@@ -9,8 +9,8 @@ import numpy as np
 from freefloat.beyond.engines.mujoco import start
 from freefloat.beyond.engines.mujoco_model import MuJoCoModel
 from freefloat.beyond.engines.plant import Plants
+from freefloat.beyond.engines.rate_commands import RateCommands
 from freefloat.dynamics.tasks import Task
-from freefloat.ensemble.rate_commands import RateCommands
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
 from freefloat.rotations import Rotation

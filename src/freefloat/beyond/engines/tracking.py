@@ -17,9 +17,9 @@ import numpy as np
 import numpy.typing as npt
 
 from freefloat.beyond.engines.closed_loops import Loops, follow
+from freefloat.beyond.engines.measure_values import MeasureValues
 from freefloat.concurrency import available_cores, run_chunks
 from freefloat.dynamics.measures import singularity_measure
-from freefloat.ensemble.measure_values import MeasureValues
 from freefloat.errors import (
     InputError,
     finite_number,

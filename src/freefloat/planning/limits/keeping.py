@@ -23,7 +23,7 @@ from freefloat.planning.planar_planner import heading_depth
 from freefloat.planning.reasons import margin_text, none_within_limits
 from freefloat.planning.settings import Search
 from freefloat.planning.simulated_branch import SimulatedBranch
-from freefloat.planning.space.robust_radius import robust_radius
+from freefloat.planning.space.attitude_tolerance import robust_radius
 from freefloat.so3 import Array, rotated, rotation_vector_to
 
 _HEADINGS = 720

@@ -15,6 +15,7 @@ from freefloat.planning.candidates import Ball, Candidate, NearAttitude, Peak
 from freefloat.planning.objectives.objective import Comparison
 from freefloat.planning.settings import Search
 from freefloat.planning.space.attitude_map import AttitudeMap
+from freefloat.planning.space.attitude_tolerance import robust_radius
 from freefloat.planning.space.climbing import (
     climbed,
     feasible_peaks,
@@ -23,7 +24,6 @@ from freefloat.planning.space.climbing import (
 )
 from freefloat.planning.space.deepest_ball import deepest
 from freefloat.planning.space.nearest import nearest_with_spare
-from freefloat.planning.space.robust_radius import robust_radius
 from freefloat.so3 import Array, angle_between
 
 _STARTS = 12

@@ -20,7 +20,7 @@ from freefloat.planning.searches.adversary import CAUTION
 from freefloat.planning.searches.nearest_neighbours import depths, nearest_among
 from freefloat.planning.searches.pattern_search import Clouds, Searches, pattern_search, spread
 from freefloat.planning.space.attitude_map import AttitudeMap
-from freefloat.planning.space.robust_radius import NearbyAttitudes, confirmed, outside_within
+from freefloat.planning.space.attitude_tolerance import NearbyAttitudes, confirmed, outside_within
 from freefloat.so3 import Array, IntArray, angle_between, rotation_vector_to
 
 _ROUNDS = 16
