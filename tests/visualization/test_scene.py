@@ -84,7 +84,7 @@ def test_the_first_view_has_the_axes_but_not_long_panels() -> None:
     seen = np.array(motion_scene({"a": motion}).description.view.points)
     assert np.linalg.norm(seen, axis=1).max() < 1.2 * problem.reach()  # panels: 1.8
     pose = problem.path.pose(0.0)
-    tips = pose.position + 0.15 * problem.reach() * pose.rotation.T
+    tips = pose.position + 0.066 * problem.reach() * pose.rotation.T
     assert np.clip(tips, seen.min(axis=0), seen.max(axis=0)) == pytest.approx(tips, abs=1e-3)
 
 

@@ -24,8 +24,8 @@ from freefloat.visualization.page.server import HOST, first_free, local_hosts
 
 _HERE = Path(__file__).parent
 _FILES = {
-    "viewer.js": VIEWER, "player.js": PLAYER,
-    **{file.name: file for file in [*_HERE.glob("*.js"), *_HERE.glob("*.css")]},
+    "viewer.js": VIEWER,
+    **{file.name: file for file in [*PLAYER, *_HERE.glob("*.js"), *_HERE.glob("*.css")]},
 }  # fmt: skip
 _TYPES = {".js": "text/javascript", ".css": "text/css"}
 _HEADERS = {

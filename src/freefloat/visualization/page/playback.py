@@ -31,8 +31,8 @@ from freefloat.visualization.scenes.scene_builder import ROOT, PageScene
 SIDE_BY_SIDE, ALL_PHASES = "side by side", "all phases"
 _HERE = Path(__file__).parent
 _MESHCAT = Path(meshcat.viewer_assets_path())
-VIEWER, PLAYER = _MESHCAT / "dist" / "main.min.js", _HERE / "player.js"
-"""Scripts of pages: MeshCat's viewer, and what plays a scene with it."""
+VIEWER, PLAYER = _MESHCAT / "dist" / "main.min.js", sorted(_HERE.glob("*.js"))
+"""Scripts of pages: MeshCat's viewer, and those that play a scene with it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,13 +100,13 @@ class Playback:
             "VIEWER": VIEWER.read_text(encoding="utf-8"),
             **{key.upper(): parts[key] for key in ("scene", "tracks", "samples")},
             "ABOUT": json.dumps(parts["about"], allow_nan=False).replace("<", "\\u003c"),
-            "PLAYER": PLAYER.read_text(encoding="utf-8"),
+            "PLAYER": "\n".join(file.read_text(encoding="utf-8") for file in PLAYER),
         }
         page = (_HERE / "page.html").read_text(encoding="utf-8")
         return re.sub("@([A-Z]+)@", lambda match: texts[match[1]], page)
 
     def parts(self, opens: str | None = None) -> dict[str, Any]:
-        """What ``player.js`` plays: the description ``about``, and packed commands.
+        """What the scripts play: the description ``about``, and packed commands.
 
         Args:
             opens: As for :meth:`html`.

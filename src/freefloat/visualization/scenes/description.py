@@ -49,12 +49,14 @@ class Trail:
         values: Magnitudes of the margin's measure.
         fractions: Path parameters s; None where the joints are prescribed.
         indices: Number of triangle indices of trails per segment.
+        joints: Name, whether it is prismatic, and values [rad or m] of each joint.
     """
 
     times: list[float]
     values: list[float]
     fractions: list[float] | None
     indices: int
+    joints: list[tuple[str, bool, list[float]]]
 
 
 @dataclass(frozen=True)
@@ -65,6 +67,7 @@ class TitledScene:
         title: The title.
         node: Name of its node in the scene tree.
         labels: Its labels.
+        sentence: What the motion does; None for maps.
         begin: Start of the motion [s].
         end: End of the motion [s].
         ending: How the motion ended, a word; None for maps.
@@ -78,6 +81,7 @@ class TitledScene:
     title: str
     node: str
     labels: list[Label]
+    sentence: str | None = None
     begin: float = 0.0
     end: float = 0.0
     ending: str | None = None

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from freefloat.motion.motion import Motion
+from freefloat.motion.motion import Ending, Motion
 from freefloat.motion.pointing import PointingLimit
 from freefloat.regions.workspace import Workspace
 from freefloat.scene.tumbling import Tumbling
@@ -53,6 +53,7 @@ class SampledMotion:
         times: Key times [s], shape (K,).
         positions: Positions of the bodies and the end-effector [m], shape (K, bodies, 3).
         rotations: Their axes, shape (K, bodies, 3, 3).
+        joints: Joint values [rad or m], shape (K, n).
         values: Magnitudes of the measure, shape (K,).
         fractions: Values of s, shape (K,).
         areas: Path-dependent and path-independent areas, where they are known.
@@ -65,11 +66,29 @@ class SampledMotion:
     times: Array
     positions: Array
     rotations: Array
+    joints: Array
     values: Array
     fractions: Array
     areas: Workspace | None
     surroundings: Surroundings
     cones: tuple[PointingCone, ...]
+
+    @property
+    def sentence(self) -> str:
+        """What the motion does."""
+        motion, margin, end = self.motion, self.motion.problem.margin, self.motion.final.time
+        if motion.ending is Ending.SINGULAR:
+            return f"The arm becomes singular after {end:.4g} s and cannot follow its path further."
+        if motion.ending is Ending.MARGIN:
+            return f"The arm has used up its margin after {end:.4g} s, before the end of its path."
+        does = "The end-effector follows its path"
+        if motion.curve is not None:
+            does = "The arm moves" if np.ptp(self.joints, axis=0).any() else "The arm rests"
+        does += f" for {end - motion.times[0]:.4g} s"
+        if margin.threshold == 0.0:
+            return f"{does}."
+        kept = margin.keeps(float(self.values.min()))
+        return does + (" and keeps the margin." if kept else " but falls below the margin.")
 
 
 def sampled_motion(
@@ -87,12 +106,14 @@ def sampled_motion(
     parameters[[0, -1]] = motion.coordinates_at([motion.times.min(), motion.times.max()])
     measure = problem.margin.measure
     poses = body_poses(motion, parameters)
+    joints = motion.evaluate(parameters)[2]
     return SampledMotion(
         motion,
         visuals,
         times,
         *poses,
-        np.abs([measure(q) for q in motion.evaluate(parameters)[2]]),
+        joints,
+        np.abs([measure(q) for q in joints]),
         np.array([problem.path.timing.s(float(t)) for t in times]),
         areas,
         Surroundings.of(motion, times, parameters),

@@ -70,7 +70,7 @@ class Place:
 
 
 _POINT_COLOUR = (0.95, 0.90, 0.25, 1.0)
-_AXIS = 25.0
+_AXIS = 11.0
 """Length of the axes of a frame over the thickness of lines."""
 _INSTANTS = 25
 """Instants of a motion that the view covers."""
@@ -181,7 +181,7 @@ def _draw(
         path = f"{root}/{TRAIL}/{node(link)}"
         draw_trail(builder, path, problem, positions[body], colours(sampled.values))
     for item, body in axes.items():
-        draw_axes(builder, f"{root}/{item}", _AXIS * size, 0.6 * size)
+        draw_axes(builder, f"{root}/{item}", _AXIS * size, 0.5 * size)
         moved[f"{root}/{item}"] = body
     for path, body in moved.items():
         builder.move(path, times, positions[body], quaternions[body])
@@ -198,12 +198,19 @@ def _draw(
         [float(f"{value:.6g}") for value in sampled.values],
         sampled.fractions.round(6).tolist() if motion.curve is None else None,
         6 * SIDES,
+        [
+            (name, bool(prismatic), values.round(5).tolist())
+            for name, prismatic, values in zip(
+                problem.model.joint_names, problem.model.prismatic, sampled.joints.T, strict=True
+            )
+        ],
     )
     contact = deepest_contact(motion)
     return TitledScene(
         title,
         node(title),
         labels,
+        sampled.sentence,
         begin=place.start + float(times[0]),
         end=place.start + float(times[-1]),
         origin=np.asarray(place.origin).round(6).tolist(),
