@@ -137,7 +137,91 @@ def test_button_and_slider_show_the_state(
             ):  # fmt: skip
                 place.press(key)
                 shows(word, time)
+        page.ask("t => freefloat.seek(t)", duration - 0.1)
+        play.click()
+        shows("Play", duration)  # the end
         assert page.errors == []
+
+
+@pytest.mark.slow
+def test_the_plot_seeks_keys_turn_the_view_and_joints_are_those_of_the_plan(
+    browser: Browser, spatial: ff.Problem, tmp_path: Path
+) -> None:
+    motion = ff.simulate(spatial, GOOD, branch=0).chosen.motion
+    with opened(browser, ff.playback(motion).save(tmp_path / "page.html")) as page:
+        duration = motion.final.time
+        sentence = f"The end-effector follows its path for {duration:g} s and keeps the margin."
+        expect(page.page.locator("#states h2")).to_have_text(sentence)
+        box = page.page.locator("#plot").bounding_box()
+        assert box is not None
+        mouse, middle = page.page.mouse, box["y"] + box["height"] / 2
+        mouse.move(box["x"] + 0.2 * box["width"], middle)
+        mouse.down()
+        mouse.move(box["x"] + 0.7 * box["width"], middle)
+        mouse.up()
+        time = page.ask("freefloat.state().time")
+        assert time == pytest.approx(0.7 * duration, rel=0.02)
+        page.page.locator("#joints summary").click()
+        expect(page.page.locator("#joints tr")).to_have_count(6)
+        rows = [row.split("\t") for row in page.page.locator("#joints tr").all_inner_texts()]
+        (state,) = motion.sample([time])
+        assert [name for name, _, _ in rows] == list(spatial.model.joint_names)
+        shown = [float(text.removesuffix("°")) for _, text, _ in rows]
+        assert shown == pytest.approx(np.degrees(state.joints), abs=0.02)
+        assert [float(text.split()[0]) for *_, text in rows] == pytest.approx(
+            state.joints, abs=2e-4
+        )
+        eyes = {}
+        for number in range(1, 10):
+            page.page.locator("body").press(str(number))
+            eyes[number] = np.array(page.ask("freefloat.eye()"))
+        for key, axis in ((2, [1, 0, 0]), (4, [0, 0, -1]), (6, [0, 1, 0])):  # y up
+            across = eyes[key] - eyes[key + 1]  # from one side to the other
+            assert across / np.linalg.norm(across) == pytest.approx(axis, abs=0.2)
+        assert len({tuple(eye.round(3)) for eye in eyes.values()}) == 9
+        page.page.locator("#view").select_option("1 first view")
+        assert page.ask("freefloat.eye()") == pytest.approx(eyes[1])
+        assert page.errors == []
+
+
+CONTRASTS = """() => {
+  const parse = text => text.match(/[\\d.]+/g).map(Number);
+  const over = ([r, g, b, a = 1], below) => [r, g, b].map((part, i) => a * part + (1 - a) * below[i]);
+  const light = colour => colour.map(part => part / 255)
+    .map(part => part <= 0.04045 ? part / 12.92 : ((part + 0.055) / 1.055) ** 2.4)
+    .reduce((sum, part, i) => sum + part * [0.2126, 0.7152, 0.0722][i], 0);
+  const found = [], texts = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
+  while (texts.nextNode()) {
+    const { parentElement: part } = texts.currentNode;
+    if (!texts.currentNode.data.trim() || !part.checkVisibility() || part.closest("script")) continue;
+    const layers = [], last = part.closest("#pane"); // behind it is a white robot at worst
+    for (let at = part; at && at !== last; at = at.parentElement) layers.unshift(parse(getComputedStyle(at).backgroundColor));
+    const behind = layers.reduce((below, layer) => over(layer, below), last ? [255, 255, 255] : [0, 0, 0]);
+    const levels = [over(parse(getComputedStyle(part).color), behind), behind].map(light).sort((a, b) => a - b);
+    found.push([texts.currentNode.data.trim(), (levels[1] + 0.05) / (levels[0] + 0.05)]);
+  }
+  return found;
+}"""
+"""Texts of a page with their contrast as WCAG defines it, over the brightest scene."""
+
+
+@pytest.mark.slow
+def test_texts_have_contrast_and_the_first_frame_comes_soon(
+    browser: Browser, tmp_path: Path
+) -> None:
+    """A page of 2.4 MB; its first frame takes 0.6 s on two idle cores."""
+    problem = ff.load_scenario("ur5_servicer/arc").problem()
+    motion = ff.simulate(problem, [0.0, -0.1736, 0.0, 0.9848], branch=4).chosen.motion
+    file = ff.playback(motion).save(tmp_path / "page.html")
+    assert file.stat().st_size > 2e6
+    with opened(browser, file) as page:
+        page.page.locator("#joints summary").click()
+        expect(page.page.locator("#joints tr")).to_have_count(6)
+        texts = page.ask(CONTRASTS)
+        assert {"start", "Play", "wrist_1_joint"} <= {text for text, _ in texts}
+        assert [found for found in texts if found[1] < 4.5] == []
+        first = page.ask("performance.getEntriesByName('first frame')[0].startTime")
+        assert first < 5000.0
 
 
 @pytest.mark.slow

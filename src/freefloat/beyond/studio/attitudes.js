@@ -7,6 +7,11 @@ const SVG = "http://www.w3.org/2000/svg";
 
 function bytes(text) { return Uint8Array.from(atob(text), letter => letter.charCodeAt(0)); }
 
+function rotationVector({ x, y, z, w }) {
+  const sign = w < 0 ? -1 : 1, size = Math.hypot(x, y, z), scale = size > 1e-12 ? 2 * Math.atan2(size, sign * w) / size : 2;
+  return [x, y, z].map(part => sign * scale * part);
+}
+
 function cssColours(text) {
   const colours = bytes(text);
   return Array.from({ length: colours.length / 3 }, (_, i) => `rgb(${colours.subarray(3 * i, 3 * i + 3).join()})`);
@@ -15,7 +20,7 @@ function cssColours(text) {
 class Ball {
   // The callbacks get the index of a sample, and a rotation vector.
   constructor(canvas, hover, choose) {
-    Object.assign(this, { canvas, hover, choose, yaw: 0.5, pitch: 0.4, set: null, mark: null, down: null, under: -1 });
+    Object.assign(this, { canvas, hover, choose, yaw: 0.5, pitch: 0.4, set: null, mark: null, now: null, down: null, under: -1 });
     canvas.addEventListener("pointerdown", event => {
       canvas.setPointerCapture(event.pointerId);
       this.down = { x: event.clientX, y: event.clientY, yaw: this.yaw, pitch: this.pitch, moved: false };
@@ -37,7 +42,7 @@ class Ball {
   show(set) {
     const { buffer } = bytes(set.points);
     const states = bytes(set.states), feasible = states.filter(state => state === 2).length / states.length;
-    this.set = { points: new Float32Array(buffer), colours: cssColours(set.colours), states, feasible, degrees: Math.round(set.extent_deg) };
+    this.set = { present: set.present, points: new Float32Array(buffer), colours: cssColours(set.colours), states, feasible, degrees: Math.round(set.extent_deg) };
     this.under = -1;
     this.draw();
   }
@@ -117,17 +122,32 @@ class Ball {
     context.stroke();
     if (set) this.drawSamples(context, place);
     this.drawAxes(context, place);
-    const marks = this.mark ? [[this.mark, "#fff", 7]] : [];
+    const marks = [[this.mark, "#fff", 7], [this.now, "#fff", 3, Math.PI]].filter(([vector]) => vector);
+    if (set && set.present) this.drawPresent(context, place(...set.present.rotation_vector));
     if (set && this.under >= 0) marks.push([set.points.subarray(3 * this.under, 3 * this.under + 3), "#6ec1ff", 5]);
-    for (const [vector, colour, radius] of marks) {
+    for (const [vector, colour, radius, filled] of marks) {
       const [x, y] = place(...vector);
-      context.strokeStyle = colour;
-      context.lineWidth = 2;
       context.beginPath();
       context.arc(x, y, radius, 0, 2 * Math.PI);
-      context.stroke();
+      this.outlined(context, colour);
+      if (filled) context.fill();
     }
     context.lineWidth = 1;
+  }
+
+  // Strokes a path so that it is seen on samples of any colour.
+  outlined(context, colour) {
+    for (const [strokeStyle, lineWidth] of [["#000", 5], [colour, 2]]) {
+      Object.assign(context, { strokeStyle, lineWidth, fillStyle: colour });
+      context.stroke();
+    }
+  }
+
+  drawPresent(context, [x, y]) {
+    context.beginPath();
+    for (const [dx, dy] of [[0, -7], [7, 0], [0, 7], [-7, 0]]) context.lineTo(x + dx, y + dy);
+    context.closePath();
+    this.outlined(context, "#fff");
   }
 
   drawSamples(context, place) {
@@ -167,7 +187,7 @@ class Ball {
 class Dial {
   // The callbacks get the index of a sample, and a heading [deg].
   constructor(svg, hover, choose) {
-    Object.assign(this, { svg, hover, choose, set: null, mark: null, under: -1 });
+    Object.assign(this, { svg, hover, choose, set: null, mark: null, now: null, under: -1 });
     svg.addEventListener("pointermove", event => this.point(event));
     svg.addEventListener("click", event => {
       if (this.set) this.choose(Math.round(10 * this.heading(event)) / 10);
@@ -244,6 +264,13 @@ class Dial {
       const [x, y] = at(1.17, heading).split(" ");
       this.add("text", { x, y }, `${heading}°`);
     }
-    if (this.mark !== null) this.add("path", { d: `M 0 0 L ${at(1.05, this.mark)}`, stroke: "#fff", "stroke-width": 0.02 });
+    const mark = (heading, text) => {
+      const [x, y] = at(1.07, heading).split(" ");
+      this.add("text", { x, y, style: "fill: #fff; paint-order: stroke; stroke: #000; stroke-width: 0.05px; font-size: 0.13px" }, text);
+    };
+    if (this.mark !== null) this.add("path", { d: `M 0 0 L ${at(1.02, this.mark)}`, stroke: "#fff", "stroke-width": 0.02 });
+    if (this.set.present) mark(this.set.present.heading_deg, "◇");
+    if (this.mark !== null) mark(this.mark, "○");
+    if (this.now !== null) mark(this.now, "●");
   }
 }

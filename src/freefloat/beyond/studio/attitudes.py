@@ -60,6 +60,7 @@ def ball(result: AttitudeMap) -> tuple[dict[str, Any], tuple[str, ...]]:
         "points": packed(vectors, "<f4"),
         "extent_deg": float(np.degrees(np.linalg.norm(vectors, axis=1).max())),
         **_colours(result.problem, result.results, columns, _scale(result)),
+        "scale": _scale(result).to_dict(),
         "text": f"{result.feasible_percentage} of {result.samples:,} attitudes are feasible",
         "samples": result.samples,
     }
@@ -89,6 +90,7 @@ def dial(
         "kind": "dial",
         "headings": np.degrees(result.headings).round(6).tolist(),
         "branches": branches,
+        "scale": _scale(result).to_dict(),
         "text": f"{100.0 * result.feasible_fraction:.3g}% of the headings are feasible",
         "samples": result.samples * len(branches),
     }

@@ -1,4 +1,4 @@
-// Parts of the studio's page: the connection to the server, the sliders, the measure over time.
+// Parts of the studio's page: the connection to the server and the sliders.
 
 const TAB = crypto.getRandomValues(new Uint32Array(1))[0].toString(36); // names this page in gestures
 const INTERVAL = 16; // between two edits of a gesture [ms]
@@ -99,44 +99,5 @@ class Sliders {
       Object.assign(input, { min: Math.min(low, value), max: Math.max(high, value), value });
       this.write(entry);
     }
-  }
-}
-
-// The measure over the time of the motion, with the margin, the limits and a cursor.
-class Strip {
-  constructor(canvas, seek) {
-    Object.assign(this, { canvas, limits: [] });
-    const point = event => {
-      if (about && event.buttons) seek((event.offsetX / canvas.clientWidth) * about.duration);
-    };
-    canvas.addEventListener("pointerdown", event => { canvas.setPointerCapture(event.pointerId); point(event); });
-    canvas.addEventListener("pointermove", point);
-  }
-
-  draw(time) {
-    const { canvas } = this, { clientWidth: width, clientHeight: height } = canvas, ratio = devicePixelRatio || 1;
-    [canvas.width, canvas.height] = [width * ratio, height * ratio];
-    const context = canvas.getContext("2d");
-    context.scale(ratio, ratio);
-    if (!about) return;
-    const { times, values } = about.scenes[0].trail, { margin, largest, measure } = about.scale;
-    const x = t => t / about.duration * width, y = value => height - 3 - (height - 8) * value / (1.05 * largest);
-    const line = (points, colour, dash = []) => {
-      context.strokeStyle = colour;
-      context.setLineDash(dash);
-      context.beginPath();
-      points.forEach(([a, b], i) => context[i ? "lineTo" : "moveTo"](a, b));
-      context.stroke();
-    };
-    context.fillStyle = "#0b101a";
-    context.fillRect(0, 0, width, height);
-    context.lineWidth = 1.5;
-    line(times.map((t, i) => [x(t), y(values[i])]), "#6ec1ff");
-    line([[0, y(margin)], [width, y(margin)]], "#d55e00", [5, 4]);
-    for (const { time: t, kept } of this.limits) line([[x(t), 0], [x(t), 9]], verdictColour(kept));
-    line([[x(time), 0], [x(time), height]], "#fff");
-    context.fillStyle = "#9fb0c8";
-    context.font = "12px system-ui, sans-serif";
-    context.fillText(`|${measure}|`, 6, height / 2);
   }
 }

@@ -14,6 +14,7 @@ from freefloat.beyond.studio.motions import (
     best_motion,
     limits_answer,
     motion_within_limits,
+    place,
 )
 from freefloat.beyond.studio.outline import outline
 from freefloat.beyond.studio.robots import RobotCache
@@ -98,7 +99,10 @@ class PathAnalysis(Analysis):
         self.level += 1
         reached = self._map.results.exist.any()
         remark = None if reached else reach_message(self._problem)
-        return WorkerAnswer("attitudes", {**content, "remark": remark, "finest": last}, reasons)
+        present = self._search.from_attitude
+        content["present"] = None if present is None else place(self._problem, present)
+        content |= {"remark": remark, "finest": last}
+        return WorkerAnswer("attitudes", content, reasons)
 
     def motion(self, state: WorkerState, progress: Progress) -> WorkerAnswer:
         """The motion from the attitude of a state.

@@ -1,9 +1,10 @@
 // The studio's page: it sends what the user does and shows what the server answers.
 
 "use strict";
-let about = null; // the scene shown, read by player.js
-const PATIENCE = 4000; // until compilation is the probable cause [ms]
+let about = null; // the scene shown, read by the scripts of pages
 const SHOWN = 8000; // time of a notice [ms]
+const UNREACHED = "#738099"; // as in attitudes.py
+const STILL = matchMedia("(prefers-reduced-motion: reduce)").matches; // nothing plays by itself
 const STALE = ["End-effector path", "Trail", "Singularity"]; // items that an edit changes
 
 class Studio {
@@ -20,7 +21,7 @@ class Studio {
       edit({ type: "handle", handle, position }, done);
     });
     this.sliders = new Sliders(edit);
-    this.strip = new Strip(element("strip"), time => { this.player.pause(); this.player.seek(time); });
+    this.plot = new Plot(element("plot"));
     const hover = sample => this.explain(sample);
     this.ball = new Ball(element("ball"), hover, rotation_vector => this.choose({ rotation_vector }));
     this.dial = new Dial(element("dial"), hover, heading_deg => this.choose({ heading_deg }));
@@ -64,18 +65,26 @@ class Studio {
     const handlers = {
       state: this.showState, outline: this.showOutline, attitudes: this.showAttitudes, limits: this.showLimits,
       motion: this.queueMotion, status: this.status, reason: this.showReason, saved: this.showSaved,
-      error: this.showError, problem: ({ text }) => this.notice(text, false, true),
+      error: this.showError, problem: this.showProblem,
     };
     handlers[message.type].call(this, message);
+    if (message.type === "outline") this.stale = true;
+    if (message.type === "motion") this.stale = false;
+    if (message.type === "status" || !this.busy) return;
+    this.arrived = message.type;
+    this.status({ busy: true });
   }
 
-  status({ busy }) {
-    const say = text => { element("status").textContent = text; };
-    clearTimeout(this.patience);
+  // Says what is under way, which follows from what has arrived.
+  status({ busy, compiling = false }) {
+    const planning = this.outline?.is_goal ? "searching for a motion, up to half a minute" : "computing attitudes and a motion";
+    const stage = !this.known ? "reading the scenario" : {
+      motion: "checking limits", limits: "computing more attitudes", attitudes: this.stale ? planning : "computing more attitudes",
+    }[this.arrived] || planning;
     element("status").classList.toggle("busy", busy);
-    say(this.open === false ? "disconnected: is freefloat studio running?" : busy ? "planning" : "ready");
-    const longer = this.outline?.is_goal ? "planning; a search takes up to half a minute" : "planning; kernels are compiled once per machine (10 s)";
-    if (busy) this.patience = setTimeout(say, PATIENCE, longer);
+    element("status").textContent = this.open === false ? "disconnected: is freefloat studio running?"
+      : !busy ? "ready" : compiling ? "compiling kernels, once per machine" : stage;
+    this.busy = busy;
   }
 
   notice(text, good = false, lasting = false) {
@@ -84,6 +93,11 @@ class Studio {
     Object.assign(notice, { textContent: text, hidden: false });
     notice.classList.toggle("good", good);
     if (!lasting) this.vanishes = setTimeout(() => { notice.hidden = true; }, SHOWN);
+  }
+
+  showProblem({ text }) {
+    document.body.classList.remove("loading");
+    this.notice(text, false, true);
   }
 
   // What was refused is shown as it was before.
@@ -109,13 +123,15 @@ class Studio {
 
   // Removes what belongs to another scenario.
   clear() {
-    this.player = this.set = this.newest = this.ball.mark = this.dial.mark = null;
+    this.player = this.set = this.newest = this.ball.mark = this.dial.mark = this.ball.now = this.dial.now = null;
     this.viewer.delete_path([ROOT]);
     this.handles.show({ lines: [], handles: [] });
     this.showLimits({ results: [] });
     for (const id of ["states", "outcome", "fraction", "reason"]) element(id).textContent = "";
-    for (const id of ["ball", "dial", "sliders"]) element(id).toggleAttribute("hidden", true);
-    document.body.classList.add("still");
+    element("key").replaceChildren();
+    element("sliders").classList.remove("known");
+    for (const id of ["ball", "dial"]) element(id).toggleAttribute("hidden", true);
+    document.body.classList.add("still", "loading");
   }
 
   showOutline(outline) {
@@ -133,7 +149,7 @@ class Studio {
 
   showControls() {
     element("initial").hidden = this.outline.is_goal;
-    element("sliders").hidden = false;
+    element("sliders").classList.add("known");
     element("edited").textContent = this.outline.is_goal ? "Goal" : "Path and margin";
     this.handles.show(this.outline);
     this.sliders.show(this.outline, this.state.ends);
@@ -148,6 +164,10 @@ class Studio {
     (planar ? this.dial : this.ball).show(set);
     const ranges = (set.branches || []).filter(branch => branch.ranges).map(({ label, ranges }) =>
       `${label}: ${ranges.map(([low, high]) => `${low.toFixed(2)}° to ${high.toFixed(2)}°`).join(", ") || "none"}`);
+    const marks = [...set.present ? ["◇ present attitude"] : [], "○ initial attitude", "● attitude now"];
+    element("key").replaceChildren(
+      ...legendOf(set.scale), colourKey("start of the path not reached", UNREACHED),
+      textElement("div", marks.join("   ")));
     element("fraction").textContent = [set.text, ...ranges, ...set.remark ? [set.remark] : []].join("\n");
   }
 
@@ -166,7 +186,7 @@ class Studio {
   }
 
   showLimits({ results }) {
-    this.strip.limits = results;
+    this.plot.marks = results;
     element("limits").replaceChildren(...results.map(({ limit, kept, text, time }) => {
       const row = document.createElement("tr");
       for (const cell of [`${kept ? "✓" : "✗"} ${limit}`, text]) row.insertCell().textContent = cell;
@@ -206,7 +226,7 @@ class Studio {
     } else {
       element("states").textContent = motion.outcome;
     }
-    document.body.classList.remove("stale");
+    document.body.classList.remove("stale", "loading");
     document.body.classList.toggle("still", !about);
     this.viewer.set_dirty();
   }
@@ -214,7 +234,7 @@ class Studio {
   // Shows a scene that was loaded; a motion that was chosen plays from its start.
   start(player, choice, playing) {
     this.player = player;
-    if (this.panels) this.panels.show(player); else this.panels = new Panels(player, null);
+    if (this.panels) this.panels.show(player); else this.panels = new Panels(player, null, this.plot);
     const opened = this.scenario !== this.state.scenario, chosen = choice !== this.played;
     this.scenario = this.state.scenario;
     this.played = choice;
@@ -222,7 +242,18 @@ class Studio {
     if (!this.moved) player.look();
     player.arrange();
     if (opened || chosen) player.seek(0);
-    if (chosen || playing) player.play();
+    if ((chosen && !STILL) || playing) player.play();
+  }
+
+  // Shows the attitude at the time of the page on the ball and the dial.
+  markAttitude() {
+    const { player, newest, set } = this, [scene] = player ? player.shown : [];
+    if (!scene || !newest || !set) return;
+    const { normal } = this.outline, { quaternion } = player.node(`${ROOT}/${scene.node}/Spacecraft axes`).object;
+    const turn = quaternion.clone().multiply(new MeshCat.THREE.Quaternion(...newest.attitude).conjugate());
+    this.ball.now = rotationVector(quaternion);
+    this.dial.now = normal && newest.heading_deg + along(rotationVector(turn), normal) * 180 / Math.PI;
+    (set.kind === "dial" ? this.dial : this.ball).draw();
   }
 
   frame(now) {
@@ -232,7 +263,7 @@ class Studio {
     viewer.render();
     this.handles.place();
     if (player) this.panels.update(); // labels stand beside handles
-    this.strip.draw(player ? player.time : 0);
+    this.markAttitude();
   }
 }
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import signal
 from collections import deque
+from contextlib import suppress
 from dataclasses import replace
 from multiprocessing.connection import Connection
 from typing import TYPE_CHECKING
@@ -36,11 +37,25 @@ class _Worker:
         from freefloat.beyond.studio.robots import RobotCache
 
         self._connection = connection
+        with suppress(ImportError):  # there is no Numba
+            self._report_compilation()
         self._robots = RobotCache()
         self._state: WorkerState | None = None
         self._reading, self._outlined = 0, 0
         self._analysis: Analysis | None = None
         self._tasks: deque[WorkerTask] = deque()
+
+    def _report_compilation(self) -> None:
+        from numba.core import event
+
+        class Listener(event.Listener):  # type: ignore[misc]  # Numba has no types
+            def on_start(_, started: event.Event) -> None:
+                if started.data["dispatcher"].stats.cache_path is not None:
+                    self._send(WorkerAnswer("status", {"busy": True, "compiling": True}))
+
+            def on_end(_, ended: event.Event) -> None: ...
+
+        event.register("numba:compile", Listener())
 
     def receive(self, wait: bool) -> None:
         """Take the messages that have arrived; of several states only the newest counts.

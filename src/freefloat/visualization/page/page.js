@@ -18,12 +18,15 @@ async function begin() {
   const player = await loadScene(viewer, element("scene").textContent, element("tracks").textContent);
   const picker = about.samples && await SamplePicker.of(player, element("samples").textContent);
   const panels = new Panels(player, picker);
+  let drawn = false;
   const frame = now => {
     requestAnimationFrame(frame);
     player.tick(now);
     if (!viewer.needs_render) return;
     viewer.render();
     panels.update();
+    if (!drawn) performance.mark("first frame");
+    drawn = true;
   };
   viewer.set_3d_pane_size();
   player.arrange();
