@@ -16,6 +16,30 @@ from playwright.sync_api import Browser, Page
 
 FLAGS = ["--no-sandbox", "--enable-unsafe-swiftshader", "--disable-background-networking"]
 
+CONTRASTS = """() => {
+  const parse = text => text.match(/[\\d.]+/g).map(Number);
+  const style = (part, name) => parse(getComputedStyle(part)[name]);
+  const over = ([r, g, b, a = 1], below) =>
+    [r, g, b].map((part, i) => a * part + (1 - a) * below[i]);
+  const light = colour => colour.map(part => part / 255)
+    .map(part => part <= 0.04045 ? part / 12.92 : ((part + 0.055) / 1.055) ** 2.4)
+    .reduce((sum, part, i) => sum + part * [0.2126, 0.7152, 0.0722][i], 0);
+  const found = [], texts = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
+  while (texts.nextNode()) {
+    const text = texts.currentNode.data.trim(), part = texts.currentNode.parentElement;
+    if (!text || !part.checkVisibility() || part.closest("script")) continue;
+    const layers = [], last = part.closest("#pane"); // behind it is a white robot at worst
+    for (let at = part; at && at !== last; at = at.parentElement) layers.unshift(at);
+    const behind = layers.reduce(
+      (below, layer) => over(style(layer, "backgroundColor"), below), Array(3).fill(last ? 255 : 0));
+    const [low, high] = [over(style(part, "color"), behind), behind].map(light)
+      .sort((a, b) => a - b);
+    found.push([text, (high + 0.05) / (low + 0.05)]);
+  }
+  return found;
+}"""
+"""Texts of a page with their contrast as WCAG defines it, over the brightest scene."""
+
 
 @dataclass
 class OpenPage:

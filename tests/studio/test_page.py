@@ -7,14 +7,18 @@ import re
 import statistics
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from typing import Any
 
 import pytest
 import yaml
 from playwright.sync_api import Browser, Page
+from scipy.spatial.transform import Rotation
 
 import freefloat as ff
+from freefloat.motion.motion import Motion
 from freefloat.planning.plan import Plan
+from tests.browser import CONTRASTS
 from tests.commands import run
 from tests.studio.conftest import Studio
 
@@ -156,6 +160,58 @@ def test_an_attitude_is_chosen_played_and_saved(opened: Show, studio: Studio) ->
     attitude = plan.chosen.motion.initial.attitude
     assert abs(attitude @ chosen) == pytest.approx(1.0, abs=1e-9)
     assert run("check", file).exit_code == 0
+
+
+@pytest.mark.slow
+def test_the_page_says_what_is_under_way_and_what_its_colours_mean(opened: Show) -> None:
+    page = opened("spatial_6dof/line")
+    page.evaluate("""() => {
+      const status = document.getElementById("status");
+      window.said = [];
+      const note = new MutationObserver(() => window.said.push(status.textContent));
+      note.observe(status, { childList: true });
+    }""")
+    page.locator("input[name='duration']").fill("90")
+    wait(page, "studio.outline.duration === 90 && window.said.at(-1) === 'ready'")
+    said = set(page.evaluate("window.said"))
+    assert said == {
+        "computing attitudes and a motion", "checking limits", "computing more attitudes", "ready",
+    }  # fmt: skip
+    legend = page.locator("#key").inner_text()
+    for words in ("below the margin 5", "start of the path not reached", "attitude now"):
+        assert words in legend
+    box = page.locator("#plot").bounding_box()
+    assert box is not None
+    page.mouse.click(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+    assert page.evaluate("studio.player.time") == pytest.approx(45.0, abs=1.0)
+    wait(page, "Boolean(studio.ball.now)")
+    (state,) = motion_of(page, 90.0).sample([page.evaluate("studio.player.time")])
+    now = Rotation.from_rotvec(page.evaluate("studio.ball.now"))
+    assert (now * Rotation.from_quat(state.attitude).inv()).magnitude() < 2e-3
+    assert [found for found in page.evaluate(CONTRASTS) if found[1] < 4.5] == []
+    page.locator("#undo").click()
+
+
+def motion_of(page: Page, duration: float) -> Motion:
+    """The motion that the page shows, simulated."""
+    problem = ff.load_scenario("spatial_6dof/line").problem()
+    path = replace(problem.path, timing=replace(problem.path.timing, duration=duration))
+    branch = int(page.locator("#outcome").inner_text().split()[1])
+    attitude = page.evaluate("studio.newest.attitude")
+    return ff.simulate(problem.replace(path=path), attitude, branch=branch).chosen.motion
+
+
+@pytest.mark.slow
+def test_nothing_moves_by_itself_where_motion_is_reduced(browser: Browser, studio: Studio) -> None:
+    context = browser.new_context(reduced_motion="reduce")
+    page = context.new_page()
+    page.goto(studio.address)
+    wait(page, "Boolean(studio.player)")
+    choice = page.evaluate("studio.newest.choice")
+    page.locator("#best").click()
+    wait(page, f"studio.played > {choice} && Boolean(studio.player)")
+    assert not page.evaluate("studio.player.playing")
+    context.close()
 
 
 @pytest.mark.slow
