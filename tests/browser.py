@@ -31,7 +31,8 @@ CONTRASTS = """() => {
     const layers = [], last = part.closest("#pane"); // behind it is a white robot at worst
     for (let at = part; at && at !== last; at = at.parentElement) layers.unshift(at);
     const behind = layers.reduce(
-      (below, layer) => over(style(layer, "backgroundColor"), below), Array(3).fill(last ? 255 : 0));
+      (below, layer) => over(style(layer, "backgroundColor"), below), Array(3).fill(last ? 255 : 0)
+    );
     const [low, high] = [over(style(part, "color"), behind), behind].map(light)
       .sort((a, b) => a - b);
     found.push([text, (high + 0.05) / (low + 0.05)]);

@@ -101,8 +101,7 @@ class PathAnalysis(Analysis):
         remark = None if reached else reach_message(self._problem)
         present = self._search.from_attitude
         content["present"] = None if present is None else place(self._problem, present)
-        content |= {"remark": remark, "finest": last}
-        return WorkerAnswer("attitudes", content, reasons)
+        return WorkerAnswer("attitudes", {**content, "remark": remark, "finest": last}, reasons)
 
     def motion(self, state: WorkerState, progress: Progress) -> WorkerAnswer:
         """The motion from the attitude of a state.

@@ -164,10 +164,10 @@ class Studio {
     (planar ? this.dial : this.ball).show(set);
     const ranges = (set.branches || []).filter(branch => branch.ranges).map(({ label, ranges }) =>
       `${label}: ${ranges.map(([low, high]) => `${low.toFixed(2)}° to ${high.toFixed(2)}°`).join(", ") || "none"}`);
-    const marks = [...set.present ? ["◇ present attitude"] : [], "○ initial attitude", "● attitude now"];
+    const marks = [...set.present ? ["◇ present attitude"] : [], "○ initial attitude", "● attitude now"].map(mark => mark.replaceAll(" ", "\u00a0"));
     element("key").replaceChildren(
       ...legendOf(set.scale), colourKey("start of the path not reached", UNREACHED),
-      textElement("div", marks.join("   ")));
+      textElement("div", marks.join("  ")));
     element("fraction").textContent = [set.text, ...ranges, ...set.remark ? [set.remark] : []].join("\n");
   }
 

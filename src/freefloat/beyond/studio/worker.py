@@ -48,14 +48,14 @@ class _Worker:
     def _report_compilation(self) -> None:
         from numba.core import event
 
-        class Listener(event.Listener):  # type: ignore[misc]  # Numba has no types
+        class Listener(event.Listener):
             def on_start(_, started: event.Event) -> None:
                 if started.data["dispatcher"].stats.cache_path is not None:
                     self._send(WorkerAnswer("status", {"busy": True, "compiling": True}))
 
             def on_end(_, ended: event.Event) -> None: ...
 
-        event.register("numba:compile", Listener())
+        event.register("numba:compile", Listener())  # type: ignore[no-untyped-call]  # of Numba
 
     def receive(self, wait: bool) -> None:
         """Take the messages that have arrived; of several states only the newest counts.

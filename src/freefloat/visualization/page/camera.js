@@ -54,7 +54,10 @@ function lookFrom(player, { direction = about.view.direction, behind, tip }) {
   };
   const [[wide, aside], [high, raised]] = [fit(right, across), fit(above, up)];
   const distance = Math.max(wide, high, 1e-3);
-  const target = centre.map((part, i) => part + aside * right[i] + raised * above[i]);
+  // One scene that does not need the width of the picture stands beside the panel on its left.
+  const panel = inset || player.shown.length > 1 ? 0 : element("states").offsetWidth / clientWidth;
+  const shift = Math.min((distance - wide) * across, panel * distance * tangent * clientWidth / clientHeight);
+  const target = centre.map((part, i) => part + (aside - shift) * right[i] + raised * above[i]);
   const [x, y, z] = target.map((part, i) => part + toEye[i] * distance);
   camera.fov = FIELD_OF_VIEW;
   camera.near = distance / 500;

@@ -71,7 +71,7 @@ function api(player, panels) {
       if (title !== null) player.show(title);
       player.look();
     },
-    eye: () => player.viewer.camera.position.toArray(), // y up
+    eye: () => player.viewer.camera.position.clone().sub(player.viewer.controls.target).toArray(), // y up
     picture: () => picture(player),
   };
 }

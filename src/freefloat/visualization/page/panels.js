@@ -83,7 +83,7 @@ class Panels {
     const motions = element("motion"), still = about.duration === 0;
     for (const id of ["play", "time", "clock", "speed", "joints"]) element(id).hidden = still;
     element("time").max = about.duration;
-    const options = about.scenes.map(({ title, sentence }) => [sentence ? `${named(title)}. ${sentence}` : title, title]);
+    const options = about.scenes.map(scene => [scene.trail ? `${named(scene.title)}. ${sentence(scene)}` : scene.title, scene.title]);
     if (about.sequence) options.unshift([ALL_PHASES, ALL_PHASES]);
     else if (options.length > 1 && !still) options.push([SIDE_BY_SIDE, SIDE_BY_SIDE]);
     motions.replaceChildren(...options.map(texts => new Option(...texts)));
@@ -132,8 +132,8 @@ class Panels {
   // What a motion is, and its values.
   state(scene) {
     const section = document.createElement("section"), several = this.player.shown.length > 1;
-    section.append(textElement("h2", scene.sentence || scene.title, several ? curveColour(this.player, scene) : ""));
-    if (scene.sentence && (scene.title !== "motion" || several)) section.append(textElement("small", named(scene.title)));
+    section.append(textElement("h2", sentence(scene) || scene.title, several ? curveColour(this.player, scene) : ""));
+    if (scene.trail && (scene.title !== "motion" || several)) section.append(textElement("small", named(scene.title)));
     for (const line of this.player.lines(scene)) section.append(textElement("p", plainLine(line), lineColour(line)));
     return section;
   }

@@ -27,6 +27,18 @@ function shortened(value) {
   return size !== 0 && (size < 1e-3 || size >= 1e5) ? value.toExponential(2) : String(+value.toPrecision(4));
 }
 
+// What a motion does; empty for maps.
+function sentence({ trail, ending, begin, end, margin }) {
+  const lasted = `${+(end - begin).toPrecision(4)} s`;
+  if (!trail) return "";
+  if (ending === "singular") return `The arm becomes singular after ${lasted} and cannot follow its path further.`;
+  if (ending === "margin") return `The arm has used up its margin after ${lasted}, before the end of its path.`;
+  const moves = trail.joints.some(([, , values]) => values.some(value => value !== values[0]));
+  const does = trail.fractions ? "The end-effector follows its path" : moves ? "The arm moves" : "The arm rests";
+  const kept = margin > 0 ? Math.min(...trail.values) >= margin * (1 - 1e-6) ? " and keeps the margin" : " but falls below the margin" : "";
+  return `${does} for ${lasted}${kept}.`;
+}
+
 // Copies a text, also where the clipboard is refused: in frames and on insecure pages.
 async function copy(text) {
   try {

@@ -67,7 +67,6 @@ class TitledScene:
         title: The title.
         node: Name of its node in the scene tree.
         labels: Its labels.
-        sentence: What the motion does; None for maps.
         begin: Start of the motion [s].
         end: End of the motion [s].
         ending: How the motion ended, a word; None for maps.
@@ -81,7 +80,6 @@ class TitledScene:
     title: str
     node: str
     labels: list[Label]
-    sentence: str | None = None
     begin: float = 0.0
     end: float = 0.0
     ending: str | None = None

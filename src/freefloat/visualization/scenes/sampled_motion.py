@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from freefloat.motion.motion import Ending, Motion
+from freefloat.motion.motion import Motion
 from freefloat.motion.pointing import PointingLimit
 from freefloat.regions.workspace import Workspace
 from freefloat.scene.tumbling import Tumbling
@@ -72,23 +72,6 @@ class SampledMotion:
     areas: Workspace | None
     surroundings: Surroundings
     cones: tuple[PointingCone, ...]
-
-    @property
-    def sentence(self) -> str:
-        """What the motion does."""
-        motion, margin, end = self.motion, self.motion.problem.margin, self.motion.final.time
-        if motion.ending is Ending.SINGULAR:
-            return f"The arm becomes singular after {end:.4g} s and cannot follow its path further."
-        if motion.ending is Ending.MARGIN:
-            return f"The arm has used up its margin after {end:.4g} s, before the end of its path."
-        does = "The end-effector follows its path"
-        if motion.curve is not None:
-            does = "The arm moves" if np.ptp(self.joints, axis=0).any() else "The arm rests"
-        does += f" for {end - motion.times[0]:.4g} s"
-        if margin.threshold == 0.0:
-            return f"{does}."
-        kept = margin.keeps(float(self.values.min()))
-        return does + (" and keeps the margin." if kept else " but falls below the margin.")
 
 
 def sampled_motion(

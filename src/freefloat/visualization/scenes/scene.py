@@ -193,24 +193,19 @@ def _draw(
         builder.mesh(path, g.Sphere(2.0 * size), _POINT_COLOUR)
         points = positions[-1] + sampled.rotations[:, -1] @ areas.offset
         builder.move(path, times, points, quaternions[-1])
+    model, joints = problem.model, sampled.joints.T.round(5).tolist()
     trail = Trail(
         (place.start + times).round(6).tolist(),
         [float(f"{value:.6g}") for value in sampled.values],
         sampled.fractions.round(6).tolist() if motion.curve is None else None,
         6 * SIDES,
-        [
-            (name, bool(prismatic), values.round(5).tolist())
-            for name, prismatic, values in zip(
-                problem.model.joint_names, problem.model.prismatic, sampled.joints.T, strict=True
-            )
-        ],
+        list(zip(model.joint_names, model.prismatic.tolist(), joints, strict=True)),
     )
     contact = deepest_contact(motion)
     return TitledScene(
         title,
         node(title),
         labels,
-        sampled.sentence,
         begin=place.start + float(times[0]),
         end=place.start + float(times[-1]),
         origin=np.asarray(place.origin).round(6).tolist(),

@@ -6,7 +6,6 @@ import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import Any
 
 import numpy as np
 
@@ -20,12 +19,12 @@ from freefloat.so3 import Array, Pose, axes_rotation
 
 _SPACECRAFT: Colour = (0.72, 0.73, 0.76, 1.0)
 _PANEL: Colour = (0.10, 0.20, 0.45, 1.0)
-_LINKS: tuple[Colour, ...] = ((0.36, 0.66, 0.90, 1.0), (0.74, 0.87, 0.96, 1.0))
+_LINKS: tuple[Colour, ...] = ((0.36, 0.66, 0.90, 1.0), (0.64, 0.86, 0.98, 1.0))
 _JOINT: Colour = (0.45, 0.55, 0.68, 1.0)
 _THIN = 0.05
 """Largest ratio of the edges of a box on the spacecraft that is a panel."""
-_GREY, _ALIKE = 0.06, 0.2
-"""Largest difference of the components of a grey; of two greys that are alike on the page."""
+_ALIKE = 0.22
+"""Range of the red, green and blue of two greys that can hardly be told apart."""
 _ROD, _HUB = 0.015, 0.026
 """Radii of rods and of joints as fractions of the arm's length."""
 _SMALLEST, _LARGEST = 0.05, 2.0
@@ -151,7 +150,7 @@ def robot_visuals(model: FreeFloatingModel) -> RobotVisuals:
             geometry = visual.geometry
             at = place @ visual.origin
             colour = visual.colour or _default_colour(body, geometry)
-            if body > 0 and _alike(colour, grey):
+            if body > 0 and np.ptp([colour[:3], grey[:3]]) < _ALIKE:
                 colour = _LINKS[body % 2]
             if geometry is None or geometry == MeshFile(""):
                 problems.append(f"link {link.name}: its <{visual.kind}> {number} cannot be read")
@@ -173,18 +172,12 @@ def robot_visuals(model: FreeFloatingModel) -> RobotVisuals:
     return RobotVisuals(tuple(shapes), tuple(problems))
 
 
-def _default_colour(body: int, geometry: Any) -> Colour:
+def _default_colour(body: int, geometry: object) -> Colour:
     """The colour of a shape by its role: arm link, panel or spacecraft."""
     if body > 0:
         return _LINKS[body % 2]
     thin = isinstance(geometry, Box) and min(geometry.size) < _THIN * max(geometry.size)
     return _PANEL if thin else _SPACECRAFT
-
-
-def _alike(*colours: Colour) -> bool:
-    """Whether colours are greys that can hardly be told apart."""
-    parts = np.array(colours)[:, :3]
-    return bool((np.ptp(parts, axis=1) < _GREY).all() and (np.ptp(parts, axis=0) < _ALIKE).all())
 
 
 def _default_visuals(
@@ -220,7 +213,7 @@ def _default_visuals(
             if length > _ROD * size:
                 rod = Cylinder(_ROD * size, length)
                 at = _along(start + step / 2.0, step)
-                yield Visual(name, index, at, rod, _default_colour(index, rod))
+                yield Visual(name, index, at, rod, _LINKS[index % 2])
 
 
 def _along(position: Array, direction: Array) -> Pose:
