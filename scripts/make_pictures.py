@@ -6,13 +6,17 @@ Usage: ``python scripts/make_pictures.py [NAME ...]``.
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
+from signal import SIGINT
+from subprocess import PIPE, Popen
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
+from playwright.sync_api import ViewportSize, sync_playwright
 
 import freefloat as ff
 from freefloat.io.files import written_beside
@@ -24,7 +28,7 @@ from freefloat.visualization.figure_style import PAGE, new_figure, save_figures,
 from freefloat.visualization.figures.joint_space_figure import joint_space_figure
 from freefloat.visualization.figures.motion_figures import motion_figures
 from freefloat.visualization.figures.scene_figures import draw_snapshots
-from freefloat.visualization.page.pictures import take_pictures
+from freefloat.visualization.page.pictures import find_browser, take_pictures
 from freefloat.visualization.page.video import write_gif
 
 DOTS = 120
@@ -48,6 +52,8 @@ TURNED = {"turned by −20° about y": [0.0, -0.1736, 0.0, 0.9848],
 """Initial attitudes of the UR5 on a servicer: from the first an arm branch follows its path, from
 the second it is at a dynamic singularity after 29 s; neither motion has contact."""
 SIZE = (1200, 560)
+WINDOW = ViewportSize(width=1200, height=700)
+BROWSER = ["--no-sandbox", "--enable-unsafe-swiftshader"]
 SMALL, FRAMES, RATE = (840, 392), 40, 8.0
 """Animation: size [pixels], frames before the pause, frames per second."""
 
@@ -80,24 +86,54 @@ def motion() -> Figure:
     return motion_figures(chosen.motion, chosen.closest_approach)["motion"]
 
 
-def taken(times: Sequence[float], size: tuple[int, int]) -> Iterator[bytes]:
-    """Pictures of the page: the same path of a UR5 from two attitudes."""
+def page_of_two() -> str:
+    """The page of the same path of a UR5 from two attitudes, side by side."""
     problem = ff.load_scenario("ur5_servicer/arc").problem()
     shown = {
         name: ff.simulate(problem, attitude, branch=4).chosen.motion
         for name, attitude in TURNED.items()
     }
-    page = ff.playback(shown).html()
-    return take_pictures(page, times, size, scene="side by side")
+    return ff.playback(shown).html("side by side")
+
+
+def screenshot(address: str, ready: str, change: str, file: Path) -> Path:
+    """What a browser shows at an address after an expression is true and another was evaluated."""
+    with (
+        sync_playwright() as playwright,
+        playwright.chromium.launch(executable_path=find_browser(), args=BROWSER) as browser,
+        written_beside(file) as temporary,
+    ):
+        page = browser.new_page(viewport=WINDOW, bypass_csp=True)
+        page.goto(address)
+        page.wait_for_function(ready, timeout=120_000)
+        page.evaluate(change)
+        page.wait_for_timeout(500)
+        temporary.write_bytes(page.screenshot())
+    return file
 
 
 def playback() -> Path:
-    """The page at the end of the motions."""
-    file = FOLDER / "playback.png"
-    (picture,) = taken([40.0], SIZE)
-    with written_beside(file) as temporary:
-        temporary.write_bytes(picture)
-    return file
+    """The page when one of the motions is about to become singular."""
+    with TemporaryDirectory() as folder:
+        page = Path(folder) / "page.html"
+        page.write_text(page_of_two(), encoding="utf-8")
+        change = "freefloat.seek(26)"
+        return screenshot(page.as_uri(), "window.freefloat", change, FOLDER / "playback.png")
+
+
+def studio() -> Path:
+    """The studio when all is computed."""
+    command = [sys.executable, "-m", "freefloat", "studio", "--no-open", "--port", "0"]
+    with (
+        TemporaryDirectory() as folder,
+        Popen(command, stdout=PIPE, text=True, cwd=folder) as server,
+    ):
+        address = server.stdout.readline().split()[0] if server.stdout else ""
+        ready = "studio.player && element('status').textContent === 'ready'"
+        try:
+            return screenshot(address, ready, "studio.player.seek(40)", FOLDER / "studio.png")
+        finally:
+            server.send_signal(SIGINT)
 
 
 def scene(name: str) -> Path:
@@ -156,13 +192,14 @@ def door() -> Path:
     """Animation of the page, the first picture of README."""
     file = FOLDER / "door.gif"
     times = np.concatenate([np.linspace(0.0, 40.0, FRAMES), np.full(FRAMES // 4, 40.0)])
-    write_gif(file, taken(times.tolist(), SMALL), RATE)
+    write_gif(file, take_pictures(page_of_two(), times.tolist(), SMALL, scene="side by side"), RATE)
     return file
 
 
 PICTURES: dict[str, Callable[[], Figure | Path]] = {
     "door": door,
     "playback": playback,
+    "studio": studio,
     "snapshots": snapshots,
     "joint_space": joint_space,
     "motion": motion,

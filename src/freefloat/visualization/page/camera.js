@@ -3,7 +3,6 @@
 const FIELD_OF_VIEW = 40; // degrees
 const FRAME = 0.88; // fraction of the picture that the scene fills
 const WIDE = 1.2; // width over height of views with panels beside the scenes, not above and below them
-const PANELS = ["states", "legend"];
 const NEAR_TIP = 0.25; // radius of the view of the end-effector over that of the scene
 const VIEWS = [ // names and directions to the eye, inertial axes; keys 1 to 9
   { name: "first view" },
@@ -31,14 +30,16 @@ function viewPoints(player, tip) {
   return shifts.flatMap(shift => points.map(point => point.map((part, i) => part + shift[i])));
 }
 
-// Takes the smallest distance at which the scenes fit in the picture, in a narrow one between the
-// panels, which leave at least two fifths of it.
+// Takes the smallest distance at which the scenes fit in the picture: in a narrow one between the
+// panels, several scenes below theirs. Panels leave at least two fifths of it.
 function lookFrom(player, { direction = about.view.direction, behind, tip }) {
   const { camera, controls, renderer } = player.viewer, { centre } = about.view;
   const { clientWidth, clientHeight } = renderer.domElement;
-  const inset = clientWidth < WIDE * clientHeight ? 2 * Math.max(...PANELS.map(id => element(id).offsetHeight + GAP)) : 0;
+  const narrow = clientWidth < WIDE * clientHeight, several = player.shown.length > 1;
+  const taken = (id, shrinks) => shrinks ? (element(id).offsetHeight + GAP) / clientHeight : 0;
+  const top = taken("states", narrow || several), bottom = taken("legend", narrow);
   const tangent = Math.tan(FIELD_OF_VIEW * Math.PI / 360), across = tangent * FRAME * clientWidth / clientHeight;
-  const up = tangent * Math.min(FRAME, Math.max(1 - inset / clientHeight, 0.4));
+  const up = tangent * Math.min(FRAME, Math.max(1 - top - bottom, 0.4));
   const turned = behind ? [-direction[0], -direction[1], direction[2]] : direction;
   const length = Math.hypot(...turned), toEye = turned.map(part => part / length);
   const level = Math.hypot(toEye[0], toEye[1]);
@@ -55,9 +56,9 @@ function lookFrom(player, { direction = about.view.direction, behind, tip }) {
   const [[wide, aside], [high, raised]] = [fit(right, across), fit(above, up)];
   const distance = Math.max(wide, high, 1e-3);
   // One scene that does not need the width of the picture stands beside the panel on its left.
-  const panel = inset || player.shown.length > 1 ? 0 : element("states").offsetWidth / clientWidth;
+  const panel = narrow || several ? 0 : element("states").offsetWidth / clientWidth;
   const shift = Math.min((distance - wide) * across, panel * distance * tangent * clientWidth / clientHeight);
-  const target = centre.map((part, i) => part + (aside - shift) * right[i] + raised * above[i]);
+  const target = centre.map((part, i) => part + (aside - shift) * right[i] + (raised + (top - bottom) * tangent * distance) * above[i]);
   const [x, y, z] = target.map((part, i) => part + toEye[i] * distance);
   camera.fov = FIELD_OF_VIEW;
   camera.near = distance / 500;

@@ -30,6 +30,7 @@ async function begin() {
   };
   viewer.set_3d_pane_size();
   player.arrange();
+  panels.update(); // the view depends on their sizes
   player.look();
   if (about.opens) {
     player.show(about.opens);

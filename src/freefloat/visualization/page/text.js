@@ -29,7 +29,7 @@ function shortened(value) {
 
 // What a motion does; empty for maps.
 function sentence({ trail, ending, begin, end, margin }) {
-  const lasted = `${+(end - begin).toPrecision(4)} s`;
+  const lasted = `${+(end - begin).toPrecision(4)}\u00a0s`;
   if (!trail) return "";
   if (ending === "singular") return `The arm becomes singular after ${lasted} and cannot follow its path further.`;
   if (ending === "margin") return `The arm has used up its margin after ${lasted}, before the end of its path.`;
