@@ -177,7 +177,7 @@ def test_the_page_says_what_is_under_way_and_what_its_colours_mean(opened: Show)
     assert said == {
         "computing attitudes and a motion", "checking limits", "computing more attitudes", "ready",
     }  # fmt: skip
-    legend = page.locator("#key").inner_text()
+    legend = page.locator("#key").inner_text().replace("\xa0", " ")
     for words in ("below the margin 5", "start of the path not reached", "attitude now"):
         assert words in legend
     box = page.locator("#plot").bounding_box()
