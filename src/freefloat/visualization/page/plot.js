@@ -104,7 +104,7 @@ class Plot {
   }
 
   drawClosest(player, scene, width) {
-    if (scene.ending === "singular") return;
+    if (scene.ending === "singular" || scene.margin === 0) return;
     const { time, value } = this.closest(scene), { context } = this, x = this.x(time), y = this.y(value);
     context.beginPath();
     context.arc(x, y, 3.5, 0, 2 * Math.PI);
