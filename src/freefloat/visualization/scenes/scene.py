@@ -244,12 +244,10 @@ def _view(samples: Sequence[SampledMotion], places: Sequence[Place], planar: boo
     centre = (points.min(axis=0) + points.max(axis=0)) / 2.0
     others = [place for sampled in samples for place in sampled.surroundings.places()]
     direction = view_direction([sampled.positions for sampled in samples], others)
-    level = False
-    if planar:
-        plane = samples[0].motion.problem.plane
-        level, direction = plane.is_level, plane.normal
-    if level:
-        direction = np.array([0.0, -0.02, 1.0])
+    plane = samples[0].motion.problem.plane if planar else None
+    level = plane is not None and plane.is_level
+    if plane is not None:
+        direction = np.array([0.0, -0.02, 1.0]) if level else plane.normal
     return View(
         centre=centre.round(4).tolist(),
         radius=float(np.linalg.norm(points - centre, axis=1).max()),

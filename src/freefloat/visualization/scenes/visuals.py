@@ -21,10 +21,8 @@ _SPACECRAFT: Colour = (0.72, 0.73, 0.76, 1.0)
 _PANEL: Colour = (0.10, 0.20, 0.45, 1.0)
 _LINKS: tuple[Colour, ...] = ((0.36, 0.66, 0.90, 1.0), (0.64, 0.86, 0.98, 1.0))
 _JOINT: Colour = (0.45, 0.55, 0.68, 1.0)
-_THIN = 0.05
-"""Largest ratio of the edges of a box on the spacecraft that is a panel."""
-_ALIKE = 0.22
-"""Range of the red, green and blue of two greys that can hardly be told apart."""
+_THIN, _ALIKE = 0.05, 0.22
+"""Ratio of the edges of a panel; range of the red, green and blue of two greys that look alike."""
 _ROD, _HUB = 0.015, 0.026
 """Radii of rods and of joints as fractions of the arm's length."""
 _SMALLEST, _LARGEST = 0.05, 2.0
@@ -174,10 +172,8 @@ def robot_visuals(model: FreeFloatingModel) -> RobotVisuals:
 
 def _default_colour(body: int, geometry: object) -> Colour:
     """The colour of a shape by its role: arm link, panel or spacecraft."""
-    if body > 0:
-        return _LINKS[body % 2]
     thin = isinstance(geometry, Box) and min(geometry.size) < _THIN * max(geometry.size)
-    return _PANEL if thin else _SPACECRAFT
+    return _LINKS[body % 2] if body > 0 else _PANEL if thin else _SPACECRAFT
 
 
 def _default_visuals(
@@ -212,8 +208,7 @@ def _default_visuals(
             length = float(np.linalg.norm(step))
             if length > _ROD * size:
                 rod = Cylinder(_ROD * size, length)
-                at = _along(start + step / 2.0, step)
-                yield Visual(name, index, at, rod, _LINKS[index % 2])
+                yield Visual(name, index, _along(start + step / 2.0, step), rod, _LINKS[index % 2])
 
 
 def _along(position: Array, direction: Array) -> Pose:
