@@ -12,7 +12,8 @@ import pinocchio as pin
 import pytest
 
 import freefloat as ff
-from freefloat.robot.robot_packages import example_robot
+from freefloat.dynamics.inverse_dynamics import InverseDynamics
+from freefloat.robot.robot_packages import example_robot, example_robots
 from freefloat.robot.shapes import MeshFile
 from freefloat.so3 import UPRIGHT
 from tests.errors import error_key
@@ -361,3 +362,18 @@ def test_quaternions_and_poses_of_pinocchio_are_accepted() -> None:
     assert error_key(ff.Goal, pose=quaternion) == "goal.pose"
     assert error_key(ff.Goal, attitude=place) == "goal.attitude"
     assert error_key(ff.Spacecraft, 100.0, [10.0] * 3, mount=[0, 0, 1]) == "spacecraft.mount"
+
+
+def test_gravity_on_a_table_is_what_is_given_not_what_pinocchio_assumes() -> None:
+    """Torques at rest, of a UR5 that stands on its planar root."""
+    file = Path(example_robots()["ur5"])
+    model = pin.buildModelFromUrdf(str(file), pin.JointModelPlanar())
+    joints = np.array([0.3, -0.7, 1.1, 0.4, -0.9, 0.6])
+    weight = pin.computeGeneralizedGravity(
+        model, model.createData(), np.concatenate([[0.0, 0.0, 1.0, 0.0], joints])
+    )
+    for gravity, expected in ((0.0, np.zeros(6)), (9.81, weight[3:])):
+        robot = ff.FreeFloatingModel.from_pinocchio(model, "tool0", gravity=gravity)
+        dynamics = InverseDynamics(ff.System(robot))
+        torques = dynamics.of_joints([0, 0, 0, 1], joints, np.zeros(9), np.zeros(6)).joint_torques
+        np.testing.assert_allclose(torques, expected, atol=1e-10)

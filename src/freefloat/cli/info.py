@@ -101,7 +101,8 @@ def _tables(summary: RobotSummary, default_link: bool) -> Iterator[RenderableTyp
                  for argument in arguments)  # fmt: skip
         yield f"xacro arguments: {', '.join(texts)}"
     if model.on_table:
-        yield "base planar: it moves along x and y and turns about z; a table carries the rest"
+        weight = f"gravity {model.gravity:g} m/s²" if model.gravity else "no gravity"
+        yield f"base planar: along x and y, and about z; a table carries the rest; {weight}"
     bodies = table(
         "moved by", "mass [kg]", "range", "centre of mass [m]", "moments of inertia [kg m²]"
     )

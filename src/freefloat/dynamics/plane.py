@@ -25,6 +25,8 @@ from freefloat.so3 import (
 
 _SAME_DIRECTION, _ROUNDED_DIRECTION = 1e-9, 1e-5
 """Differences between directions that are rounding errors: of numbers, of angles in files."""
+_ROUNDED_PI = 1e-3
+"""Largest angle between axes that are probably parallel, in a file with pi to few digits [rad]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,7 +138,12 @@ def why_in_no_plane(model: FreeFloatingModel) -> str:
     """Why a robot stays in no plane, see :func:`plane_of`, as the end of a sentence."""
     arms = [VirtualManipulator.of(arm) for arm in model.single_arms]
     if _common_normal(arms) is None:
-        return "its joints have no common direction"
+        axes = np.concatenate([arm.axes_at(np.zeros(len(arm.axes))) for arm in arms])
+        axes = axes[~np.concatenate([arm.prismatic for arm in arms])]
+        off = np.linalg.norm(np.cross(axes, axes[:1]), axis=1).max(initial=0.0)
+        return "its joints have no common direction" + (
+            f" (an axis is {off:.2g} rad off; is pi rounded?)" if 0.0 < off < _ROUNDED_PI else ""
+        )
     return "its masses are not symmetric about the plane of its arm"
 
 

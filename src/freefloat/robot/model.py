@@ -160,7 +160,7 @@ class FreeFloatingModel:
 
     @classmethod
     def from_pinocchio(
-        cls, model: pin.Model, end_effector: str, *, geometry: Any = None
+        cls, model: pin.Model, end_effector: str, *, geometry: Any = None, gravity: float = 0.0
     ) -> FreeFloatingModel:
         """Take over a robot from Pinocchio; its model is read, and not kept.
 
@@ -175,6 +175,8 @@ class FreeFloatingModel:
             end_effector: Frame that follows the path; of several with the name, the body.
             geometry: A ``pin.GeometryModel`` for collision and pictures, or a pair of them: for
                 collision, for pictures. Collision pairs of theirs are not used.
+            gravity: As for :meth:`from_urdf`; the model's own, which is 9.81 m/s² unless it is set,
+                is not used.
 
         Raises:
             InputError: If an argument has another type.
@@ -189,7 +191,7 @@ class FreeFloatingModel:
             6
         """
         description = described(model, end_effector, geometry)
-        return cls(description, end_effector, {}, base=description.base)
+        return cls(description, end_effector, {}, base=description.base, gravity=gravity)
 
     def scaled(self, scale_mass: float | Mapping[str, float]) -> FreeFloatingModel:
         """The robot with a factor on every mass and inertia, or on those of named links."""

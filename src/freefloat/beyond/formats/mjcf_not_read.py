@@ -72,8 +72,8 @@ _USED = {
 _PLAIN = '<mujoco><worldbody><body><joint/><geom size="1"/></body></worldbody></mujoco>'
 """A model that states nothing about a joint, a geom and a body."""
 _WEIGHTLESS = {
-    "gravity": "spacecraft are weightless", "wind": "there is no fluid",
-    "density": "there is no fluid", "viscosity": "there is no fluid",
+    "gravity": "nothing has weight; on a table robot.gravity gives it to the arm",
+    "wind": "there is no fluid", "density": "there is no fluid", "viscosity": "there is no fluid",
 }  # fmt: skip
 _SECTIONS = (
     "actuator", "asset", "compiler", "contact", "custom", "default", "deformable", "equality",

@@ -41,7 +41,7 @@ def add_pairs(robot: Element, read: UrdfText, source: str) -> Iterator[NotRead]:
                 raise ModelError("srdf", f"a <{PAIR}> without {key}", accepted, source, line)
             if name not in links:
                 problem = f"<{PAIR}> names {name}, and the robot has no such link"
-                accepted = f"links of the URDF{did_you_mean(name, links)}"
+                accepted = f"links of the URDF, not of added parts{did_you_mean(name, links)}"
                 raise ModelError("srdf", problem, accepted, source, line)
         etree.SubElement(robot, PAIR, {key: pair.get(key) for key in _ENDS})
 

@@ -18,8 +18,8 @@ class JointAccelerationLimit(MagnitudeLimit):
     exponent = 2
     value = PerJoint("rated_acceleration")
     description = (
-        "Magnitudes of joint accelerations [rad/s², m/s²]: a number for all joints, a map from "
-        "joint to number, or ``urdf``, of version 1.2."
+        "Magnitudes of joint accelerations [rad/s², m/s²]: a positive number for all joints, a map "
+        "from joint to number, or ``urdf``, of version 1.2."
     )
 
     def worst(self, motion: Motion) -> LimitResult:

@@ -23,9 +23,9 @@ class JointJerkLimit(MagnitudeLimit):
     exponent = 3
     value = PerJoint("rated_jerk")
     description = (
-        "Magnitudes of joint jerks [rad/s³, m/s³]: a number for all joints, a map from joint to "
-        "number, or ``urdf``, of version 1.2. Jumps of accelerations, of time laws that have them, "
-        "do not count."
+        "Magnitudes of joint jerks [rad/s³, m/s³]: a positive number for all joints, a map from "
+        "joint to number, or ``urdf``, of version 1.2. Jumps of accelerations, of time laws that "
+        "have them, do not count."
     )
 
     def worst(self, motion: Motion) -> LimitResult:

@@ -18,8 +18,8 @@ class JointRateLimit(MagnitudeLimit):
     exponent = 1
     value = PerJoint("rated_speed")
     description = (
-        "Magnitudes of joint rates [rad/s, m/s]: a number for all joints, a map from joint to "
-        "number, or ``urdf``."
+        "Magnitudes of joint rates [rad/s, m/s]: a positive number for all joints, a map from "
+        "joint to number, or ``urdf``."
     )
 
     def worst(self, motion: Motion) -> LimitResult:

@@ -22,8 +22,8 @@ class JointTorqueLimit(MagnitudeLimit):
     exponent = 2
     value = PerJoint("rated_effort")
     description = (
-        "Magnitudes of joint torques and forces [N m, N]: a number for all joints, a map from "
-        "joint to number, or ``urdf``."
+        "Magnitudes of joint torques and forces [N m, N]: a positive number for all joints, a map "
+        "from joint to number, or ``urdf``."
     )
 
     def worst(self, motion: Motion) -> LimitResult:
