@@ -37,7 +37,8 @@ def simulate_many(
     """Integrate many disturbed motions of a problem and decide which keep the margin.
 
     Every argument is one value for all motions, or one for each of K. Results do not depend on the
-    number of motions, their order or the number of threads.
+    number of motions, their order or the number of threads. Limits are not considered, nor those of
+    the problem; studies consider them.
 
     Args:
         problem: Robot, path, momentum and margin without disturbances.

@@ -12,10 +12,11 @@ from enum import StrEnum
 import numpy as np
 import numpy.typing as npt
 
+from freefloat.dynamics.joint_space import sampled_reach
 from freefloat.dynamics.measures import measure_title
 from freefloat.dynamics.plane import Plane
 from freefloat.ensemble.endings import COMPLETED, FAILED, LIMITED, SINGULAR, UNREACHED
-from freefloat.errors import UnreachableError
+from freefloat.errors import InputError, UnreachableError
 from freefloat.limits.kinds.corridor import CorridorLimit
 from freefloat.limits.result import LimitResult, all_violations, rounded_up, violated
 from freefloat.motion.extrema import ClosestApproach
@@ -165,12 +166,21 @@ def unreached_start_message(problem: Problem, origin: str) -> str:
         problem: The problem.
         origin: Attitudes from which it does not, such as ``"no heading"``.
     """
-    start, reach = problem.path.pose(0.0).position, problem.reach()
+    start = problem.path.pose(0.0).position
     return (
         f"the arm reaches the start of the path, {np.round(start, 6).tolist()} m, from {origin}; "
-        f"it is {np.linalg.norm(start):.4g} m from the centre of mass, and no configuration gets "
-        f"farther than {reach:.4g} m{light_spacecraft_hint(problem)}"
+        f"it is {np.linalg.norm(start):.4g} m from the centre of mass, {_reach_found(problem)}"
+        f"{light_spacecraft_hint(problem)}"
     )
+
+
+def _reach_found(problem: Problem) -> str:
+    """How near and far the end-effector gets, or a bound where joints slide without limit."""
+    try:
+        near, far = sampled_reach(problem.model_at(), problem.task)
+    except InputError:
+        return f"and no configuration gets farther than {problem.reach():.4g} m"
+    return f"and the end-effector reaches {near:.4g} to {far:.4g} m"
 
 
 def unreachable(problem: Problem, attitude: Array) -> UnreachableError:

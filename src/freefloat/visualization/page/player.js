@@ -132,6 +132,6 @@ class Player {
       `|${measure}| = ${shortened(value)}` + (scene.margin > 0 ? `, margin ${shortened(scene.margin)}` : ""),
       ...scene.lines.map(warning => ({ verdict: warning, feasible: false })),
     ];
-    return ended ? [...lines, { verdict: scene.verdict, feasible: scene.ending === "completed" }] : lines;
+    return ended ? [...lines, { verdict: scene.verdict, feasible: scene.ending === "completed" && !scene.lines.length }] : lines;
   }
 }

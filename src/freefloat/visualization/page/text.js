@@ -28,7 +28,7 @@ function shortened(value) {
 }
 
 // What a motion does; empty for maps.
-function sentence({ trail, ending, begin, end, margin }) {
+function sentence({ trail, ending, begin, end, margin, lines }) {
   const lasted = `${+(end - begin).toPrecision(4)}\u00a0s`;
   if (!trail) return "";
   if (ending === "singular") return `The arm becomes singular after ${lasted} and cannot follow its path further.`;
@@ -36,7 +36,8 @@ function sentence({ trail, ending, begin, end, margin }) {
   const moves = trail.joints.some(([, , values]) => values.some(value => value !== values[0]));
   const does = trail.fractions ? "The end-effector follows its path" : moves ? "The arm moves" : "The arm rests";
   const kept = margin > 0 ? Math.min(...trail.values) >= margin * (1 - 1e-6) ? " and keeps the margin" : " but falls below the margin" : "";
-  return `${does} for ${lasted}${kept}.`;
+  const violated = lines.some(line => line.startsWith("infeasible")) ? `${kept && ","} but not all limits` : "";
+  return `${does} for ${lasted}${kept}${violated}.`;
 }
 
 // Copies a text, also where the clipboard is refused: in frames and on insecure pages.

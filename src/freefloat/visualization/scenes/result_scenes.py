@@ -39,15 +39,18 @@ def simulation_scene(simulation: Simulation, title: str) -> PageScene:
     """The scene of all arm branches, the chosen one first."""
     branches = sorted(simulation.branches, key=lambda branch: branch is not simulation.chosen)
     motions = {branch.title: branch.motion for branch in branches}
-    return motion_scene(motions, title, _pointing(simulation.limits))
+    violations = {simulation.chosen.title: simulation.violation}
+    return motion_scene(motions, title, _pointing(simulation.limits), violations=violations)
 
 
 def plan_scene(plan: Plan, title: str) -> PageScene:
     """The scene of the chosen motion of a plan; an InputError without one."""
     if plan.chosen is None:
         raise InputError("plan", f"it has no motion: {plan.reason}", "a plan with a motion")
-    name = plan.chosen.title + ("" if plan.feasible else f", {plan.violation or 'infeasible'}")
-    return motion_scene({name: plan.chosen.motion}, title, _pointing(plan.limits))
+    name = plan.chosen.title
+    violations = {name: "" if plan.feasible else plan.violation or "infeasible"}
+    motions = {name: plan.chosen.motion}
+    return motion_scene(motions, title, _pointing(plan.limits), violations=violations)
 
 
 def _pointing(limits: Limits | None) -> tuple[Any, ...]:

@@ -81,6 +81,7 @@ def motion_scene(
     title: str = "freefloat",
     pointing: Sequence[PointingLimit] = (),
     places: Sequence[Place] = (),
+    violations: Mapping[str, str] | None = None,
 ) -> PageScene:
     """The scene of motions, each below a node with its name.
 
@@ -89,6 +90,7 @@ def motion_scene(
         title: Title of the page.
         pointing: Limits of pointing that are drawn with each motion.
         places: When and where each motion begins, if they follow one another.
+        violations: What motions violate, by their names.
 
     Raises:
         InputError: If there is no motion, names coincide, or measures or margins differ.
@@ -116,7 +118,14 @@ def motion_scene(
     scale = MarginColours.over(problem.margin, [sampled.values for sampled in samples])
     builder = SceneBuilder()
     scenes = tuple(
-        _draw(builder, name, sampled, replace(scale, margin=sampled.motion.problem.margin), place)
+        _draw(
+            builder,
+            name,
+            sampled,
+            replace(scale, margin=sampled.motion.problem.margin),
+            place,
+            (violations or {}).get(name, ""),
+        )
         for name, sampled, place in zip(motions, samples, places, strict=True)
     )
     others = dict.fromkeys(item for sampled in samples for item in sampled.surroundings.items)
@@ -154,6 +163,7 @@ def _draw(
     sampled: SampledMotion,
     colours: MarginColours,
     place: Place,
+    violation: str,
 ) -> TitledScene:
     """Draw a motion below the node of its title; return its description."""
     motion = sampled.motion
@@ -213,7 +223,7 @@ def _draw(
         ending=motion.ending.name.lower(),
         verdict=_verdict(motion),
         trail=trail,
-        lines=() if contact is None else (f"warning: {contact}",),
+        lines=tuple(filter(None, (violation, "" if contact is None else f"warning: {contact}"))),
     )
 
 
