@@ -12,10 +12,10 @@ import pytest
 import freefloat as ff
 from freefloat.planning import spatial_planner
 from freefloat.planning.plan import Plan
+from freefloat.planning.space import attitude_tolerance as robustness
 from freefloat.planning.space import climbing as search
 from freefloat.planning.space import deepest_ball as deepest
 from freefloat.planning.space import disturbances as tolerance
-from freefloat.planning.space import attitude_tolerance as robustness
 from freefloat.planning.tolerance import SearchEffort
 
 IDENTITY = [0.0, 0.0, 0.0, 1.0]

@@ -42,7 +42,6 @@ from freefloat.visualization.figures.motion_figures import (
     draw_curves,
     euler_angles,
     headings,
-    joint_names,
     mark_times,
     shown_times,
 )
@@ -286,7 +285,7 @@ def figure_5() -> Figure:
 def curves_of_figure_8(motion: Motion) -> dict[str, Callable[[], Figure]]:
     """Angles and rates of the planar motion over time."""
     found = Trajectory.of(motion, shown_times(motion))
-    names = [r"$\theta_0$", *joint_names(motion.problem.model)]
+    names = [r"$\theta_0$", *symbols(motion)]
     heading = headings(found.attitudes, motion.problem.plane)
     angles = np.column_stack([heading, np.degrees(found.joints)])
     rates = np.degrees(np.column_stack([found.angular_velocities[:, 2], found.joint_rates]))
@@ -294,6 +293,11 @@ def curves_of_figure_8(motion: Motion) -> dict[str, Callable[[], Figure]]:
         "fig_8a": partial(curves, motion, found.times, angles, names, "angle [deg]"),
         "fig_8b": partial(curves, motion, found.times, rates, dotted(names), "rate [deg/s]"),
     }
+
+
+def symbols(motion: Motion) -> list[str]:
+    """The paper's names of the joints."""
+    return [f"$q_{number}$" for number in range(1, motion.problem.model.dof + 1)]
 
 
 def dotted(names: list[str]) -> list[str]:
@@ -304,7 +308,7 @@ def dotted(names: list[str]) -> list[str]:
 def curves_of_figure_11(motion: Motion) -> dict[str, Callable[[], Figure]]:
     """Positions, angles and rates of the spatial motion over time."""
     found = Trajectory.of(motion, shown_times(motion))
-    joints = joint_names(motion.problem.model)
+    joints = symbols(motion)
     axes, turns = ["$x_E$", "$y_E$", "$z_E$"], ["about $x$", "about $y$", "about $z$"]
     spins = [r"$\omega_x$", r"$\omega_y$", r"$\omega_z$"]
     q, rates = np.degrees(found.joints), np.degrees(found.joint_rates)
