@@ -140,7 +140,7 @@ content = {
     "limits": {"end_effector_speed": 0.11},
     "phases": [{"joints": {"q1": 0.4, "q2": 1.2}, "duration": 30}],
 }
-loaded, table = tour(content | {"phases": []})
+loaded, table = tour(content | {"phases": []}, "--verbose")
 assert loaded.limits.end_effector_speed == 0.11 and "end effector speed [m/s]" in table
 result = limit(r.to_dict() for r in loaded.limit_results)
 assert result["kept"] and abs(result["worst"] - speed) < 1e-9 and abs(result["time"] - 15) < 1e-3
