@@ -106,7 +106,11 @@ def content(page: Page) -> dict[str, Any]:
 
 
 def centre(page: Page, selector: str) -> tuple[float, float]:
-    box = page.locator(selector).bounding_box()
+    """Of an element, where it comes to rest: the view is framed anew when panels change."""
+    before, box = None, page.locator(selector).bounding_box()
+    while box != before:
+        page.wait_for_timeout(200)
+        before, box = box, page.locator(selector).bounding_box()
     assert box is not None
     return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
 
