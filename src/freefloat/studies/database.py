@@ -96,6 +96,7 @@ class StudyDatabase:
         names, marks = ", ".join(map(quoted, columns)), ", ".join("?" * len(columns))
         values = [v.tolist() if isinstance(v, np.ndarray) else v for v in columns.values()]
         with database_errors(self.folder / DATABASE), self._connection:
+            self._connection.execute("BEGIN IMMEDIATE")  # sqlite3 begins none for new columns
             self._add_missing(columns)
             statement = f"INSERT INTO runs ({names}) VALUES ({marks})"
             self._connection.executemany(statement, zip(*values, strict=True))
