@@ -237,11 +237,19 @@ def test_rates_and_torques_towards_a_singularity_have_no_bound(spatial):
     [("joint_rate", [1.0, 0.0]), ("joint_torque", [-1.0]), ("base_rate", 0.0), ("clearance", -0.1),
      ("clearance", np.nan), ("base_rate", np.nan), ("base_rate", np.inf), ("base_turn", 0.0),
      ("base_turn", 3.2), ("pointing", ["antenna"]), ("joint_rate", [[1.0, 1.0]]),
-     ("joint_rate", 0.3), ("pointing", 0.3)],
+     ("joint_rate", 0.0), ("pointing", 0.3)],
 )  # fmt: skip
 def test_limits_that_are_none_are_refused(key, value):
     with pytest.raises(InputError, match=f"limits.{key}"):
         Limits(**{key: value})
+
+
+def test_one_number_is_the_limit_of_every_joint(spatial):
+    one, each = (
+        check_limits(spatial, Limits(joint_rate=bound, clearance="off"))
+        for bound in (0.2, np.full(6, 0.2))
+    )
+    assert [entry.to_dict() for entry in one] == [entry.to_dict() for entry in each]
 
 
 def test_limits_of_another_number_of_joints_are_refused(spatial):

@@ -3,6 +3,7 @@
 from functools import partial
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from scipy.spatial.transform import Rotation
 
@@ -117,3 +118,33 @@ def test_an_orientation_whose_rate_is_not_that_of_its_rotation_is_refused() -> N
     still = type("Still", (type(turning),), {"rate": lambda law, s: np.zeros(3)})
     line = SplineCurve([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
     assert error_key(ff.EndEffectorPath, line, still(turning.start, turning.end)) == "orientation"
+
+
+AXES = Rotation.from_rotvec([0.3, -0.8, 0.5]).as_matrix()
+CURVE = ArcCurve([1.0, 0.2, 0.0], [1.5, 0.2, 0.0], [0.0, 0.2, 1.0], 1.2)
+
+
+@pytest.mark.parametrize(
+    "law",
+    [ff.paths.FixedOrientation(AXES), ff.paths.SlerpOrientation(np.eye(3), AXES),
+     DirectedOrientation.follow(CURVE, "x", [0.1, 0.0, 1.0])],
+)  # fmt: skip
+def test_a_moved_path_is_the_same_one_seen_from_another_frame(law):
+    path = ff.EndEffectorPath(CURVE, law)
+    frame = pin.SE3(pin.exp3(np.array([0.4, 0.9, -0.2])), np.array([0.3, -2.0, 1.0]))
+    moved = path.moved(frame)
+    for s in (0.0, 0.3, 1.0):
+        here, there = path.pose(s), moved.pose(s)
+        expected = frame * pin.SE3(here.rotation, here.position)
+        assert_close(there.position, expected.translation, atol=1e-12)
+        assert_close(there.rotation, expected.rotation, atol=1e-12)
+        turned = np.kron(np.eye(2), frame.rotation) @ path.tangent(s)
+        assert_close(moved.tangent(s), turned, atol=1e-12)
+
+
+def test_a_moved_path_points_at_the_moved_target():
+    target, frame = np.array([0.5, 0.5, 2.0]), pin.SE3(AXES, np.array([0.3, -2.0, 1.0]))
+    law = DirectedOrientation.point_at(CURVE, "z", target)
+    pose = ff.EndEffectorPath(CURVE, law).moved(frame).pose(0.4)
+    sight = frame.act(target) - pose.position
+    assert_close(pose.rotation[:, 2], sight / np.linalg.norm(sight), atol=1e-12)

@@ -172,8 +172,11 @@ EXPECTED = {
     "planar_3dof": ["link link_3"],  # 1.5 kg m² of 1 kg: Table I
     "spatial_6dof": ["link link_3"],  # 0.001, 1.7, 7.5: Table II
     # wrists of the real arm have a radius of 0.06 m, their inertias are those of 0.6 m
-    "ur5": [f"link wrist_{k}_link" for k in (1, 2, 3)],
-}
+    "ur5": [*(f"link wrist_{k}_link" for k in (1, 2, 3)), "link world"],
+    # feet of arms, which no spacecraft carries
+    "panda": ["link panda_link0"], "kinova": ["link base"],
+    **{name: ["link world"] for name in ("ur3", "ur10", "xarm7", "z1")},
+}  # fmt: skip
 
 
 @pytest.mark.parametrize(

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, fields, replace
 from typing import Any, Literal, cast
 
+import numpy as np
+
 from freefloat.errors import require_type
 from freefloat.limits.joint_limit import MagnitudeLimit
 from freefloat.limits.kinds import KINDS
@@ -24,10 +26,10 @@ class Limits(AttitudeLimits):
     scene, do not touch. What cannot be compared is named in ``notes`` of the result.
 
     Attributes:
-        joint_rate: Magnitudes [rad/s or m/s], shape (n,); infinite for joints without a limit.
-        joint_torque: Magnitudes [N m or N], shape (n,); infinite for joints without a limit.
-        joint_acceleration: Magnitudes [rad/s² or m/s²], shape (n,); infinite for joints without a
-            limit.
+        joint_rate: Magnitudes [rad/s or m/s], shape (n,), infinite for joints without a limit; or
+            one number for all joints.
+        joint_torque: Magnitudes [N m or N], likewise.
+        joint_acceleration: Magnitudes [rad/s² or m/s²], likewise.
         joint_jerk: Magnitudes of the accelerations' derivatives [rad/s³ or m/s³], likewise.
         base_rate: Magnitude of the spacecraft's angular velocity [rad/s].
         clearance: Smallest distance [m] between bodies that no joint connects, and between the
@@ -44,7 +46,7 @@ class Limits(AttitudeLimits):
 
     Example:
         >>> problem = ff.load_scenario("planar_2dof/line").problem()
-        >>> limits = ff.Limits(joint_rate=np.array([0.2, 0.2]), base_rate=0.01)
+        >>> limits = ff.Limits(joint_rate=0.2, base_rate=0.01)
         >>> simulation = ff.simulate(problem, [0.0, 0.0, 0.0, 1.0], limits=limits)
         >>> for result in simulation.limit_results:
         ...     print(result.limit, result.kept)
@@ -87,12 +89,15 @@ class Limits(AttitudeLimits):
         return replace(self, pointing=pointing, base_turn=turn)
 
     def of_joints(self, count: int) -> Limits:
-        """The limits of a robot of whose joints only the first ones move."""
+        """The limits of a robot of whose joints only the first ones move, as arrays (count,)."""
         bounds = {
-            kind.name: bound[:count] for kind in GIVEN
-            if issubclass(kind, MagnitudeLimit) and (bound := getattr(self, kind.name)) is not None
-        }  # fmt: skip
-        return replace(self, **bounds)
+            kind.name: bound[:count] if bound.ndim else np.full(count, bound)
+            for kind in GIVEN
+            if issubclass(kind, MagnitudeLimit)
+            and (bound := getattr(self, kind.name)) is not None
+            and bound.shape != (count,)
+        }
+        return replace(self, **bounds) if bounds else self
 
     @property
     def timed(self) -> bool:
@@ -136,4 +141,4 @@ def limits_for(problem: Problem, given: Limits | None) -> Limits | None:
     if limits is None:
         return None
     require_applicable(problem.model, limits)
-    return cast(Limits, limits)
+    return cast(Limits, limits).of_joints(problem.model.dof)

@@ -61,7 +61,7 @@ class NumberOrOff(Number):
 
 @dataclass(frozen=True)
 class PerJoint:
-    """Magnitudes of the joints, infinite for joints without a limit, shape (n,).
+    """Magnitudes of the joints, infinite for joints without a limit, shape (n,), or of all, ().
 
     Attributes:
         rated: Attribute of :class:`~freefloat.robot.rigid_bodies.Body` with the value of the URDF.
@@ -71,15 +71,15 @@ class PerJoint:
 
     def checked(self, key: str, value: Any) -> Array:
         """The values, read-only; an InputError that names a key unless they are magnitudes."""
-        accepted = "an array with a number above zero for each joint, as np.full(6, 0.1)"
+        accepted = "a number above zero, or an array with one for each joint"
         values = number_array(key, value, accepted)
-        if values.ndim != 1 or not (values > 0.0).all():
+        if values.ndim > 1 or not (values > 0.0).all():
             raise InputError(key, f"{values.tolist()} was given", accepted)
         return frozen(values)
 
     def require_applicable(self, key: str, value: Array, model: FreeFloatingModel) -> None:
         """Raise an InputError that names a key unless there is one for each joint of a robot."""
-        if value.shape != (model.dof,):
+        if value.shape not in ((), (model.dof,)):
             accepted = f"for {', '.join(model.joint_names)}"
             raise InputError(key, f"shape {value.shape} was given", accepted)
 

@@ -14,7 +14,7 @@ import scipy
 from freefloat.errors import InputError, finite_vector
 from freefloat.paths.curves import Curve
 from freefloat.paths.orientation import OrientationLaw
-from freefloat.so3 import Array, cross, frozen, unit_vector
+from freefloat.so3 import Array, Pose, cross, frozen, unit_vector
 
 _CHECKED_AT = np.linspace(0.0, 1.0, 201)
 """Values of s at which a moving direction is checked."""
@@ -94,6 +94,13 @@ class DirectedOrientation(OrientationLaw):
             "a target off the path, in directions within less than half a sphere",
         )  # fmt: skip
         return law
+
+    def moved(self, pose: Pose) -> DirectedOrientation:
+        """See :class:`~freefloat.paths.orientation.OrientationLaw`."""
+        curve, R = self.curve.moved(pose), pose.rotation
+        if self.target is None:
+            return self.follow(curve, self.axis, R @ self.reference)
+        return self.point_at(curve, self.axis, pose.position + R @ self.target)
 
     def _direction(self, s: float | Array) -> tuple[Array, Array]:
         """The moving direction and its derivative by s, not normalized, shape (..., 3) each."""

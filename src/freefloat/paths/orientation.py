@@ -18,7 +18,15 @@ import scipy
 
 from freefloat.paths.curves import Segmented, segments_within, significant_breaks
 from freefloat.rotations import Rotation
-from freefloat.so3 import Array, attitude_axes, cross, frozen, rotation_vector_between, turned
+from freefloat.so3 import (
+    Array,
+    Pose,
+    attitude_axes,
+    cross,
+    frozen,
+    rotation_vector_between,
+    turned,
+)
 
 _NEGLIGIBLE = 1e-8
 """Rotation by jumps of derivatives [rad] that is ignored."""
@@ -37,13 +45,16 @@ class OrientationLaw(Segmented, ABC):
         """Angular velocity per unit of s [rad], inertial frame, (3,) or (K, 3); zero by default."""
         return np.zeros((*np.shape(s), 3))
 
-    def rotated(self, rotation: Array) -> OrientationLaw:
-        """The orientation in other axes; ``rotation`` (3, 3) rotates present vectors into them."""
-        return RotatedOrientation(self, rotation)
+    def moved(self, pose: Pose) -> OrientationLaw:
+        """The orientation in another frame, in which ``pose`` is the pose of its own.
+
+        By default a :class:`RotatedOrientation`; subclasses may return a law of their own class.
+        """
+        return RotatedOrientation(self, pose.rotation)
 
 
 class RotatedOrientation(OrientationLaw):
-    """An orientation in other axes, see :meth:`OrientationLaw.rotated`."""
+    """An orientation in other axes; ``rotation`` (3, 3) rotates vectors into them."""
 
     def __init__(self, law: OrientationLaw, rotation: Array) -> None:
         self._law, self._rotation, self.breaks = law, rotation, law.breaks
@@ -79,6 +90,10 @@ class FixedOrientation(OrientationLaw):
         """See :class:`OrientationLaw`."""
         return np.broadcast_to(self.axes, (*np.shape(s), 3, 3))
 
+    def moved(self, pose: Pose) -> FixedOrientation:
+        """See :class:`OrientationLaw`."""
+        return FixedOrientation(pose.rotation @ self.axes)
+
 
 @dataclass(frozen=True, eq=False)
 class FreeOrientation(OrientationLaw):
@@ -87,6 +102,10 @@ class FreeOrientation(OrientationLaw):
     def rotation(self, s: float | Array) -> Array:
         """See :class:`OrientationLaw`."""
         return np.broadcast_to(np.eye(3), (*np.shape(s), 3, 3))
+
+    def moved(self, pose: Pose) -> FreeOrientation:
+        """See :class:`OrientationLaw`."""
+        return self
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,6 +138,10 @@ class SlerpOrientation(OrientationLaw):
         """See :class:`OrientationLaw`."""
         return np.broadcast_to(self._rotation_vector, (*np.shape(s), 3))
 
+    def moved(self, pose: Pose) -> SlerpOrientation:
+        """See :class:`OrientationLaw`."""
+        return SlerpOrientation(pose.rotation @ self.start, pose.rotation @ self.end)
+
 
 class OrientationSpline(OrientationLaw):
     """A rotation spline with continuous angular acceleration, as SciPy's ``RotationSpline``.
@@ -143,9 +166,9 @@ class OrientationSpline(OrientationLaw):
         seconds /= (np.diff(self._knots)[:, None] / 2.0) ** 2
         self.breaks = significant_breaks(self._knots, seconds, _NEGLIGIBLE)
 
-    def rotated(self, rotation: Array) -> OrientationSpline:
+    def moved(self, pose: Pose) -> OrientationSpline:
         """See :class:`OrientationLaw`."""
-        rotations = Rotation.from_matrix(rotation) * self._rotations
+        rotations = Rotation.from_matrix(pose.rotation) * self._rotations
         return OrientationSpline(rotations.as_quat(), self._knots)
 
     def within(self, low: float, high: float) -> Self:

@@ -91,6 +91,15 @@ class EndEffectorPath:
         """Pose in the frame of the path: see :class:`~freefloat.paths.timed_path.TimedPath`."""
         return Pose(self.curve(s), self.orientation.rotation(s))
 
+    def moved(self, pose: Pose) -> EndEffectorPath:
+        """The path in another frame, in which ``pose`` is the pose of its own.
+
+        A path in the frame of the spacecraft becomes one in the inertial frame by the pose of the
+        spacecraft, ``path.moved(model.body_poses(attitude, joints)[0])``.
+        """
+        pose = Pose.of("pose", pose)
+        return EndEffectorPath(self.curve.moved(pose), self.orientation.moved(pose))
+
     def tangent(self, s: float | Array) -> Array:
         """Derivative of the pose by s: [linear; angular], inertial axes [m; rad], (..., 6)."""
         return np.concatenate([self.curve(s, 1), self.orientation.rate(s)], axis=-1)

@@ -111,11 +111,17 @@ def _joint_values(robot: RobotDescription) -> Faults:
 
 
 def root_masses(robot: RobotDescription) -> Faults:
-    """A root link without mass, unless the arm will be mounted on a spacecraft."""
+    """A root link without mass or lighter than what moves: the foot of an arm, no spacecraft."""
+    masses = {first: _mass(robot, group) for first, group in robot.rigid_groups.items()}
+    moving = sum(mass for first, mass in masses.items() if first not in robot.roots)
     for root in robot.roots if robot.joints else ():
-        if _mass(robot, robot.rigid_groups[root]) == 0.0:
+        problem, remedy = "", "robot.spacecraft in a scenario, or an <inertial> in this link"
+        if masses[root] == 0.0:
             problem = "the root link and what is fixed to it have no mass"
-            remedy = "robot.spacecraft in a scenario, or an <inertial> in this link"
+        elif masses[root] < moving:
+            problem = f"the root link has {masses[root]:.4g} kg, what it carries {moving:.4g} kg"
+            remedy = "robot.spacecraft in a scenario, if this is the foot of an arm"
+        if problem:
             yield Fault(robot.links_by_name[root], "link", problem, remedy)
 
 

@@ -135,9 +135,6 @@ def path_of(
         curve, sampled = parse_samples(samples[section.samples], folder / section.samples)
     else:
         curve = section.to_curve()
-    if frame is not None:
-        curve, sampled = curve.moved(frame), sampled and sampled.rotated(frame.rotation)
-    frame = frame or _INERTIAL
     law: OrientationLaw = sampled or FreeOrientation()
     if section.attitude is not None:
         if sampled is not None:
@@ -146,29 +143,29 @@ def path_of(
         if task is Task.POINTING and point_at is not None and not point_at.axis.endswith("z"):
             problem = f"{point_at.axis!r} was given, but task pointing prescribes the z axis"
             raise InputError("attitude.point_at.axis", problem, "z or -z")
-        law = _law(section.attitude, curve, frame)
+        law = _law(section.attitude, curve)
     elif sampled is None and task.prescribes_orientation:
         problem = f"it is missing, task {task} needs it"
         raise InputError("attitude", problem, "fixed, slerp, follow or point_at")
     with file_keys(curve=section.kind):
-        return EndEffectorPath(curve, law)
+        path = EndEffectorPath(curve, law)
+    with file_keys(curve="attitude.point_at"):
+        return path if frame is None else path.moved(frame)
 
 
-def _law(section: AttitudeSection, curve: Curve, frame: Pose) -> OrientationLaw:
-    R = frame.rotation
+def _law(section: AttitudeSection, curve: Curve) -> OrientationLaw:
     if section.fixed is not None:
-        return FixedOrientation(R @ rotation_of(section.fixed, "attitude.fixed"))
+        return FixedOrientation(rotation_of(section.fixed, "attitude.fixed"))
     if section.slerp is not None:
-        start = R @ rotation_of(section.slerp.start, "attitude.slerp.from")
-        return SlerpOrientation(start, R @ rotation_of(section.slerp.end, "attitude.slerp.to"))
+        start = rotation_of(section.slerp.start, "attitude.slerp.from")
+        return SlerpOrientation(start, rotation_of(section.slerp.end, "attitude.slerp.to"))
     if section.point_at is not None:
         point_at = section.point_at
         with file_keys(curve="attitude.point_at"):
-            target = frame.position + R @ np.array(point_at.target)
-            return DirectedOrientation.point_at(curve, point_at.axis, target)
+            return DirectedOrientation.point_at(curve, point_at.axis, point_at.target)
     follow = cast(FollowSection, section.follow)  # exactly one of the four is given
     with file_keys(curve="attitude.follow", normal="attitude.follow.normal"):
-        return DirectedOrientation.follow(curve, follow.axis, R @ np.array(follow.normal))
+        return DirectedOrientation.follow(curve, follow.axis, follow.normal)
 
 
 def section_of(

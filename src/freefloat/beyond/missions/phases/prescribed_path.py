@@ -10,6 +10,7 @@ import numpy as np
 from freefloat.dynamics.tasks import Task
 from freefloat.errors import InputError
 from freefloat.motion.problem import Problem
+from freefloat.paths.orientation import RotatedOrientation
 from freefloat.paths.path import EndEffectorPath
 from freefloat.paths.relative_path import RelativePath
 from freefloat.paths.timed_path import TimedPath
@@ -71,7 +72,8 @@ def moved_to_begin_at(path: TimedPath, pose: Pose, problem: Problem) -> TimedPat
     curve, orientation = path.path.curve, path.path.orientation
     moved = curve.moved(Pose(offset[:3], np.eye(3)))
     if problem.task.prescribes_orientation:
-        orientation = orientation.rotated(Rotation.from_rotvec(offset[3:]).as_matrix())
+        turn = Rotation.from_rotvec(offset[3:]).as_matrix()
+        orientation = RotatedOrientation(orientation, turn)
     return replace(path, path=EndEffectorPath(moved, orientation))
 
 
