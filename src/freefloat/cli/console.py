@@ -273,13 +273,15 @@ def motion_lines(chosen: SimulatedBranch, verbose: bool = True) -> Iterator[str]
     start = f"from joints {decimals(initial.joints, 3)}"
     name = start if problem.redundant else f"of branch {chosen.branch.index}"
     verdict = "keeps" if chosen.feasible else "violates"
+    unit = f" {problem.margin.measure.unit}".removesuffix(" 1")
     yield (
         f"Motion {name}: {motion.outcome} Minimum margin |{measure_title(closest.measure)}| "
-        f"{chosen.minimum_margin:.6g} at t = {closest.time:.3f} s, {verdict} the margin "
+        f"{chosen.minimum_margin:.6g}{unit} at t = {closest.time:.3f} s, {verdict} the margin "
         f"{problem.margin.threshold:g}."
     )
     yield f"  initial attitude x y z w  {attitude_text(initial.attitude)}"
-    yield f"  initial joints            {decimals(initial.joints)}"
+    joint_unit = "rad, m" if problem.model.prismatic.any() else "rad"
+    yield f"  initial joints            {decimals(initial.joints)} {joint_unit}"
     if (event := singular_event(motion)) is not None:
         place = ", ".join(f"{x:.4f}" for x in event.end_effector)
         yield (
@@ -289,7 +291,7 @@ def motion_lines(chosen: SimulatedBranch, verbose: bool = True) -> Iterator[str]
     if not verbose:
         return
     yield f"  final attitude   x y z w  {attitude_text(final.attitude)}, t = {final.time:.4f} s"
-    yield f"  final joints              {decimals(final.joints)}"
+    yield f"  final joints              {decimals(final.joints)} {joint_unit}"
     residuals = motion.residuals()
     angle = residuals.end_effector_orientation
     yield (
