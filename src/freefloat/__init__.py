@@ -30,7 +30,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from threading import RLock
 
-__version__ = "0.3.0"
+__version__ = "0.4.0"
 
 _LISTED = Path(__file__).with_suffix(".pyi").read_text("utf-8").partition("# Modules")[0]
 _MODULES = {name: module for module, name in re.findall(r"^from (\S+) import (\w+)", _LISTED, re.M)}
