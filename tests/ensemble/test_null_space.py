@@ -7,6 +7,7 @@ from freefloat.ensemble.endings import COMPLETED
 from freefloat.ensemble.ensemble import EnsembleIntegrator
 from freefloat.ensemble.kernels import flow as flow_kernels
 from freefloat.ensemble.kernels.records import BY_TIME, FORWARD, SEGMENT
+from freefloat.ensemble.systems import Systems
 from freefloat.lockstep.lanes import WIDTH
 from freefloat.so3 import angle_between
 from tests.lock_step import Kernels, plain_kernels
@@ -30,8 +31,7 @@ def assert_same_rates(structure, task, redundancy, seed):
     with plain_kernels():
         kernels = Kernels(problem)
         work, course = kernels.work, kernels.problem.course
-        h = problem.momentum, problem.wheel_momentum, problem.path.drift
-        work.h.array[:] = np.concatenate(h)[:, None]
+        work.h.array[:] = Systems.of(problem).columns(1).T
         work.status[BY_TIME], work.status[FORWARD] = 1.0, 1.0
         work.status[SEGMENT] = np.searchsorted([*problem.path.breaks], times)
         y = kernels.column(np.column_stack(

@@ -86,7 +86,7 @@ def integrate_disturbed(
         stricter: As of :meth:`.EnsembleIntegrator.integrate`, for the first ensemble.
     """
     problem = disturbed.problem
-    starts = starts_at(problem, attitudes, branch, joints, disturbed.systems.robots)
+    starts = starts_at(problem, attitudes, branch, joints, disturbed.systems)
     owners, columns = np.nonzero(starts.exist)
     begun = starts.joints[owners, columns]
     motions, moments, deciders, replaced = _decided(

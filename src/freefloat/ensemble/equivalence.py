@@ -81,6 +81,7 @@ def equivalents(
     scale_mass: npt.ArrayLike = 1.0,
     robots: Robots | None = None,
     scales: Array | None = None,
+    offsets: Array | None = None,
 ) -> ScaledMotions:
     """The motions of a problem that stand for disturbed ones.
 
@@ -94,6 +95,7 @@ def equivalents(
         scale_mass: Factors on all masses and inertias, shape () or (K,).
         robots: K robots, without these factors; the problem's when left out.
         scales: Factors on the ratios of limits, shape (K, Q); 1 when left out.
+        offsets: Of the ends of a line, see :class:`.Systems`; none when left out.
 
     Raises:
         InputError: If a value is not accepted, or a duration is given for a path in the frame of a
@@ -118,7 +120,7 @@ def equivalents(
             require_along_normal(key, problem.plane, values)
         require_in_plane("drifts", problem.plane, v)
     ratio = (stretches / factors)[:, None]
-    systems = Systems(h * ratio, w * ratio, v * stretches[:, None], robots)
+    systems = Systems(h * ratio, w * ratio, v * stretches[:, None], robots, offsets)
     scales = np.ones((count, 1)) if scales is None else scales
     return ScaledMotions(problem, systems, stretches, factors, scales)
 

@@ -7,7 +7,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from freefloat.ensemble.robots import Robots
+from freefloat.ensemble.systems import Systems
 from freefloat.ensemble.wrist_flips import has_wrist_flipped_branches
 from freefloat.errors import InputError
 from freefloat.ik.chain import Chain
@@ -48,7 +48,7 @@ def starts_at(
     attitudes: Array,
     branch: int | None = None,
     joints: Array | None = None,
-    robots: Robots | None = None,
+    systems: Systems | None = None,
 ) -> Starts:
     """The arm at the starts of motions from attitudes.
 
@@ -59,16 +59,28 @@ def starts_at(
         joints: Only the arm branch nearest to these joint values, shape (n,) or (K, n); of a
             redundant arm, see :func:`~freefloat.ik.nearest.closest_branches`. With neither
             argument all arm branches are candidates.
-        robots: Robots of the motions; the problem's when left out.
+        systems: Robots and paths of the motions; the problem's when left out.
     """
-    if robots is not None:
-        return _starts_of_robots(problem, robots, attitudes, branch, joints)
+    if systems is not None and systems.robots is not None:
+        return _starts_of_robots(problem, systems, attitudes, branch, joints)
     if branch is not None and joints is not None:
         raise InputError("branch", f"{branch} was given together with joints", "branch or joints")
-    same = len(attitudes) > 1 and bool((attitudes == attitudes[0]).all())
+    offsets = None if systems is None else systems.start_offsets
+    return _starts_of_robot(problem, attitudes, branch, joints, offsets)
+
+
+def _starts_of_robot(
+    problem: Problem,
+    attitudes: Array,
+    branch: int | None,
+    joints: Array | None,
+    offsets: Array | None = None,
+) -> Starts:
+    """Those of the problem's robot; paths may have offsets, shape (K, 3)."""
+    same = offsets is None and len(attitudes) > 1 and bool((attitudes == attitudes[0]).all())
     same &= joints is None or joints.ndim == 1
     if not same:
-        return _distinct_starts(problem, attitudes, branch, joints)
+        return _distinct_starts(problem, attitudes, branch, joints, offsets)
     near = None if joints is None else tuple(joints.tolist())
     starts = _starts_of_one(problem, tuple(attitudes[0].tolist()), branch, near)
     every = np.zeros(len(attitudes), dtype=int)
@@ -76,24 +88,22 @@ def starts_at(
 
 
 def _starts_of_robots(
-    problem: Problem, robots: Robots, attitudes: Array, branch: int | None, joints: Array | None
+    problem: Problem, systems: Systems, attitudes: Array, branch: int | None, joints: Array | None
 ) -> Starts:
     """Near the starts of the problem's robot; where these do not lead there, those of a model.
 
     So are those of all arm branches, and of a redundant arm without joints, whose arm branches are
     others with another robot.
     """
+    count, offsets = len(attitudes), systems.start_offsets
     if joints is None and (branch is None or problem.redundant):
-        certain, found = (
-            np.zeros(len(robots), dtype=bool),
-            _none(len(robots), problem.model.arm_dof),
-        )
+        certain, found = np.zeros(count, dtype=bool), _none(count, problem.model.arm_dof)
     else:
-        found = starts_at(problem, attitudes, branch, joints)
+        found = _starts_of_robot(problem, attitudes, branch, joints, offsets)
         begun = found.joints[:, 0]
         if joints is not None and problem.redundant:
             begun = np.broadcast_to(joints, begun.shape)
-        q, certain = _near_starts(problem, robots, attitudes, begun)
+        q, certain = _near_starts(problem, systems, attitudes, begun)
         if joints is not None:  # an arm branch that the problem's robot does not have
             certain &= problem.model.joint_distance(begun, joints) <= _REQUESTED
         if problem.redundant:
@@ -104,15 +114,15 @@ def _starts_of_robots(
         found = Starts(q[:, None], np.where(certain[:, None], found.branches, -1))
     exact = {
         k: starts_at(
-            robots.problem(problem, k), attitudes[k : k + 1], branch,
+            systems.path_of(problem, k), attitudes[k : k + 1], branch,
             joints if joints is None or joints.ndim == 1 else joints[k],
         )
         for k in np.flatnonzero(~certain).tolist()
     }  # fmt: skip
     width = max([1, *(starts.branches.shape[1] for starts in exact.values())])
     every = Starts(
-        np.full((len(robots), width, problem.model.arm_dof), np.nan),
-        np.full((len(robots), width), -1),
+        np.full((count, width, problem.model.arm_dof), np.nan),
+        np.full((count, width), -1),
     )
     every.joints[:, :1], every.branches[:, :1] = found.joints, found.branches
     for k, starts in exact.items():
@@ -125,12 +135,15 @@ def _starts_of_robots(
 
 
 def _near_starts(
-    problem: Problem, robots: Robots, attitudes: Array, joints: Array
+    problem: Problem, systems: Systems, attitudes: Array, joints: Array
 ) -> tuple[Array, BoolArray]:
     """The configurations (K, n) of robots near joint values (K, n), and whether they are."""
-    pose, every = problem.path.pose(0.0), np.flatnonzero(np.isfinite(joints).all(axis=1))
+    robots, pose = systems.robots, problem.path.pose(0.0)
+    every = np.flatnonzero(np.isfinite(joints).all(axis=1))
     back = Rotation.from_quat(attitudes).as_matrix().swapaxes(1, 2)
-    position = pose.position if robots.offsets is None else pose.position + robots.offsets
+    position = np.broadcast_to(pose.position, (len(joints), 3))
+    for offsets in (robots.offsets, systems.start_offsets):
+        position = position if offsets is None else position + offsets
     q, near = np.full(joints.shape, np.nan), np.zeros(len(joints), dtype=bool)
     q[every], residuals = Newton.of(problem.model, problem.task).solved(
         (back @ position[..., None])[..., 0], back @ pose.rotation, every, joints[every],
@@ -153,10 +166,14 @@ def _starts_of_one(
 
 
 def _distinct_starts(
-    problem: Problem, attitudes: Array, branch: int | None, joints: Array | None
+    problem: Problem,
+    attitudes: Array,
+    branch: int | None,
+    joints: Array | None,
+    offsets: Array | None = None,
 ) -> Starts:
     if joints is None:
-        sets = problem.many_branches(attitudes)
+        sets = problem.many_branches(attitudes, offsets=offsets)
         numbers = np.where(sets.exist, np.arange(sets.names.shape[1]), -1)
         if branch is None:
             if has_wrist_flipped_branches(problem):  # the same motions: the first counts
@@ -167,19 +184,19 @@ def _distinct_starts(
             return _none(len(attitudes), problem.model.arm_dof)
         return Starts(sets.joints[:, column], numbers[:, column])
     if problem.redundant:
-        poses = problem.poses_seen_from(attitudes)
+        poses = problem.poses_seen_from(attitudes, offsets=offsets)
         sets = closest_branches(problem.model_at(), *poses, problem.task, joints)
         return Starts(sets.joints, sets.names)
-    return _nearest(problem, attitudes, joints)
+    return _nearest(problem, attitudes, joints, offsets)
 
 
 def _none(count: int, n: int) -> Starts:
     return Starts(np.full((count, 1, n), np.nan), np.full((count, 1), -1))
 
 
-def _nearest(problem: Problem, attitudes: Array, joints: Array) -> Starts:
+def _nearest(problem: Problem, attitudes: Array, joints: Array, offsets: Array | None) -> Starts:
     """Of all arm branches the nearest to joint values."""
-    sets = problem.many_branches(attitudes)
+    sets = problem.many_branches(attitudes, offsets=offsets)
     distances = problem.model.joint_distance(sets.joints, joints[..., None, :])
     distances = np.where(sets.exist, distances, np.inf)
     columns, rows = distances.argmin(axis=1), np.arange(len(attitudes))

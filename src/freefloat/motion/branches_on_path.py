@@ -112,13 +112,17 @@ class BranchesOnPath:
         return arm_branches(self.model_at(t), self.path.pose(t).seen_from(R0), self.task)
 
     def many_branches(
-        self, attitudes: Array, t: float = 0.0, branch: int | IntArray | None = None
+        self,
+        attitudes: Array,
+        t: float = 0.0,
+        branch: int | IntArray | None = None,
+        offsets: Array | None = None,
     ) -> BranchSets:
-        """The same for many attitudes (K, 4).
+        """The same for many attitudes (K, 4); ``offsets`` as of :meth:`poses_seen_from`.
 
         With the number of an arm branch, or of one for each attitude (K,), others may be missing.
         """
-        at = self.model_at(t), *self.poses_seen_from(attitudes, t), self.task
+        at = self.model_at(t), *self.poses_seen_from(attitudes, t, offsets), self.task
         if self.start_joints is not None and t == 0.0:
             return closest_branches(*at, self.start_joints)
         if not self.path.arms:
@@ -126,14 +130,20 @@ class BranchesOnPath:
         only = None if branch is None else np.broadcast_to(branch, len(attitudes))
         return several_arm_branches(*at, only)
 
-    def poses_seen_from(self, attitudes: Array, t: float = 0.0) -> tuple[Array, Array]:
+    def poses_seen_from(
+        self, attitudes: Array, t: float = 0.0, offsets: Array | None = None
+    ) -> tuple[Array, Array]:
         """Positions (K, 3) and rotations (K, 3, 3) of the path relative to attitudes (K, 4).
 
-        Where E arms follow paths, those of all, (E, K, 3) and (E, K, 3, 3).
+        Where E arms follow paths, those of all, (E, K, 3) and (E, K, 3, 3). With one path, it may
+        have an offset in the inertial frame for each attitude [m], shape (K, 3).
         """
         seen = [pose.seen_from_each(attitudes) for pose in self.path.poses(t)]
         if not self.path.arms:
-            return seen[0]
+            if offsets is None:
+                return seen[0]
+            back = rotation_matrix(attitudes).swapaxes(1, 2)
+            return seen[0][0] + np.einsum("kij,kj->ki", back, offsets), seen[0][1]
         positions, rotations = zip(*seen, strict=True)
         return np.array(positions), np.array(rotations)
 

@@ -12,6 +12,7 @@ import numpy as np
 import scipy
 
 from freefloat.errors import finite_vector, require_type
+from freefloat.paths.curves import PolynomialCurve
 from freefloat.paths.path import EndEffectorPath
 from freefloat.paths.time_laws import TimeLaw
 from freefloat.paths.timing import Timing
@@ -85,9 +86,11 @@ class TimedPath:
         """The same path, relative to a centre of mass with another velocity (3,) [m/s]."""
         return replace(self, drift=drift)
 
-    def displaced(self, offset: Array) -> TimedPath:
-        """The path at another place, moved by an offset (3,) [m]; its twists are the same."""
-        curve = self.path.curve.moved(Pose(offset, np.eye(3)))
+    def displaced(self, start: Array, end: Array | None = None) -> TimedPath:
+        """The path at another place, moved by an offset (3,) [m]; of a line, ends may differ."""
+        curve = self.path.curve.moved(Pose(start, np.eye(3)))
+        if end is not None:
+            curve = PolynomialCurve.line(curve(0.0), curve(1.0) + end - start)
         return replace(self, path=EndEffectorPath(curve, self.path.orientation))
 
     @property

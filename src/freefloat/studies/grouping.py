@@ -40,10 +40,10 @@ def _begins_stricter(group: Group, number: int) -> bool:
     robots, fits = group.robot.robots(values, np.array([number]))
     if not fits.all() or (robots is not None and not robots.suit(group.problem).all()):
         return False
-    starts = starts_at(group.problem, attitude, start.branch, start.joints, robots)
+    systems = Systems.of(group.problem, robots=robots)
+    starts = starts_at(group.problem, attitude, start.branch, start.joints, systems)
     begun = starts.joints[starts.exist]
     every = np.zeros(len(begun), dtype=int)
-    systems = Systems.of(group.problem)
     if robots is not None:  # else machine code for one robot is loaded, too
         systems = replace(systems, robots=robots[every])
     once, again = (

@@ -28,7 +28,7 @@ BLACK, ORANGE, SKY, GREEN, BLUE, VERMILION, PURPLE = (
     "#000000", "#E69F00", "#56B4E9", "#009E73", "#0072B2", "#D55E00", "#CC79A7",
 )  # fmt: skip
 """Okabe-Ito colours without yellow."""
-GREY, PALE = "#767676", "#E4E4E4"
+GREY, LIGHT, PALE = "#767676", "#B8B8B8", "#E4E4E4"
 STROKES = tuple(
     zip(
         (BLUE, VERMILION, BLACK, GREEN, ORANGE, PURPLE, SKY),

@@ -105,8 +105,11 @@ def flow(
     scale = 1.0 / sqrt(dot(x, x) + e * e)
     x, e = x * scale, e * scale
     speed, drift = 0.0 * e, vector(work.h[6], work.h[7], work.h[8])
+    farther = vector(work.h[9], work.h[10], work.h[11])
     for arm in range(robot.arms):
         v, omega, speed = twist_at(course, arm, status[SEGMENT], y[4 + n])
+        if arm == 0:
+            v = v + farther * speed
         v = v - drift  # relative to the centre of mass
         set_vector(work.solver.twists, arm, 0, to_spacecraft(x, e, v))
         set_vector(work.solver.twists, arm, 3, to_spacecraft(x, e, omega))

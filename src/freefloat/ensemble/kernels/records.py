@@ -31,6 +31,8 @@ the last step; signs of det S* and of the measure at the beginning; measure at t
 minimum and the time of it, its maximum; smallest and largest magnitude of det S*; largest rate."""
 
 
+SYSTEM_ROWS = 12
+"""Number of rows of ``Buffers.h``."""
 SLACK_ROWS = 5
 """Number of rows of a limit in ``Buffers.slacks``."""
 PEAK, PEAK_SEGMENT, STATE = 0, 1, 2
@@ -94,7 +96,7 @@ class Motions(NamedTuple):
 
     attitudes: Array
     joints: Array
-    momenta: Array  # angular momentum, that of wheels, and the drift, (K, 9)
+    momenta: Array  # see ``Buffers.h``, (K, SYSTEM_ROWS)
     robots: Array | None  # rows like ``Robot.properties``, (K, C); None where all are equal
     starts: Array
     goals: Array
@@ -116,7 +118,8 @@ class Buffers(NamedTuple):
     weights: Table  # of the interpolant
     inside: Table  # attitude, joints and time inside a step
     status: Table
-    h: Table  # angular momentum, that of wheels in the spacecraft frame, and the drift
+    h: Table  # angular momentum, that of wheels in the spacecraft frame, the drift, and how much
+    # farther the path leads
     extent: Table  # of each joint, the largest rate, minus the smallest and the largest value;
     # largest rate of attitude
     moments: Table  # their times in units of the duration
@@ -143,7 +146,8 @@ def make_workspace(n: int, m: int, cones: int = 0, properties: int = 0, arms: in
     """
     r = n - m
     shapes = (
-        (5 + n,), (5 + n,), (5 + n, 7), (7,), (5 + n,), (STATUS_ROWS,), (9,), (1 + 3 * n,),
+        (5 + n,), (5 + n,), (5 + n, 7), (7,), (5 + n,), (STATUS_ROWS,), (SYSTEM_ROWS,),
+        (1 + 3 * n,),
         (1 + 3 * n,), ((1 + n) * (STATE + 5 + n),),
         (n * n,), (n * r,), (r * r,), (2 * r,), (n,), (n,), (4,), (SLACK_ROWS * cones,),
     )  # fmt: skip
@@ -166,8 +170,8 @@ def workspace_in_tables(work: Buffers) -> Buffers:
 
 @inner
 def load_system(motions: Motions, k: int, lane: int, work: Buffers) -> None:
-    """Write momenta and drift of motion k, and the properties of its robot."""
-    for j in range(9):
+    """Write momenta, drift and path of motion k, and the properties of its robot."""
+    for j in range(SYSTEM_ROWS):
         set_lane(work.h, j, lane, motions.momenta[k, j])
     load_robot(motions.robots, k, lane, work.solver)
 

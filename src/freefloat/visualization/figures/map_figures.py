@@ -25,6 +25,7 @@ from freefloat.visualization.figure_style import (
     BLUE,
     COLUMN,
     GREY,
+    LIGHT,
     MARGIN_LINE,
     PAGE,
     PALE,
@@ -194,7 +195,7 @@ def _draw_bars(axes: Any, values: Array, edges: Array, margin: float) -> None:
     """Draw bars, blue for feasible motions and grey below the margin, and the margin as a line."""
     feasible = keeps_threshold(values, margin)
     parts = (
-        (feasible, BLUE, "margin kept"), (~feasible & (values > 0.0), GREY, "below the margin"),
+        (feasible, BLUE, "margin kept"), (~feasible & (values > 0.0), LIGHT, "below the margin"),
     )  # fmt: skip
     for part, colour, name in parts:
         if part.any():

@@ -8,6 +8,7 @@ const THRESHOLD = "#ff9a4d";
 const HEAD = 17; // height of the name of the measure above the curves [pixels]
 const FOOT = 15; // that of the times below them
 const EDGE = 8; // between the curves and the edges [pixels]
+const BESIDE = 9; // between the cursor at the beginning and texts
 
 // Colour of a motion in the plot and of its heading.
 function curveColour(player, scene) {
@@ -49,7 +50,7 @@ class Plot {
     const [first] = player.shown, low = scenes.includes(first) ? this.closest(first) : null;
     const right = !low || this.x(low.time) < width / 2; // side of the margin's value
     if (first.margin > 0) this.drawMargin(first, right, width);
-    this.text(`|${about.scale.measure}|${unit() && ` [${unit()}]`}`, EDGE, 12, MUTED, "left");
+    this.text(`|${about.scale.measure}|${unit() && ` [${unit()}]`}`, EDGE + BESIDE, 12, MUTED, "left");
     for (const scene of scenes.filter(one => player.shown.includes(one))) this.drawClosest(player, scene, width);
     for (const scene of scenes) if (["singular", "margin"].includes(scene.ending)) this.drawEnd(scene);
     for (const { time, kept } of this.marks) this.line([[this.x(time), 0], [this.x(time), 8]], verdictColour(kept));
@@ -94,7 +95,7 @@ class Plot {
     const [begin, end] = about.sequence ? [this.x(scene.begin), this.x(scene.end)] : [EDGE, width - EDGE];
     const y = this.y(scene.margin);
     this.line([[begin, y], [end, y]], THRESHOLD, 1.5, [5, 4]);
-    this.text(`margin ${shortened(scene.margin)}`, right ? end : begin, y < HEAD + 14 ? y + 14 : y - 4, THRESHOLD, right ? "right" : "left");
+    this.text(`margin ${shortened(scene.margin)}`, right ? end : begin + BESIDE, y < HEAD + 14 ? y + 14 : y - 4, THRESHOLD, right ? "right" : "left");
   }
 
   // Smallest value of a motion and its time.
