@@ -176,7 +176,7 @@ class Ball {
       context.stroke();
       context.textAlign = x > this.canvas.clientWidth / 2 ? "right" : "left";
       const text = `${name} ${Math.round(end * 180 / Math.PI)}°`;
-      Object.assign(context, { strokeStyle: "#000", lineWidth: 3 });
+      Object.assign(context, { strokeStyle: "#0b101a", fillStyle: INK, lineWidth: 4, lineJoin: "round" });
       context.strokeText(text, x, y - 4); // readable over the samples
       context.fillText(text, x, y - 4);
       context.lineWidth = 1;
