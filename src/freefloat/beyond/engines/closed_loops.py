@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -13,9 +14,12 @@ from freefloat.beyond.engines.rate_commands import RateCommands
 from freefloat.dynamics.tasks import Task
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
+from freefloat.robot.base import Base
 from freefloat.rotations import Rotation
 from freefloat.so3 import Array
 
+_ON_TABLE = 2, 3, 4
+"""Motions of the spacecraft that a table prevents: along z, about x and y."""
 _FASTEST = 10.0
 """Largest commanded joint rate, in units of the largest planned one."""
 
@@ -62,9 +66,11 @@ def follow(motion: Motion, times: Array, loops: Loops) -> Courses:
     """
     problem, count, dof = motion.problem, len(loops.factors), motion.problem.model.dof
     controller = _Controller(motion, loops.gains)
-    engine = MuJoCoModel(problem.system)
+    model = replace(problem.model, base=Base.FREE, gravity=0.0)  # the servos bear the weight
+    engine = MuJoCoModel(replace(problem.system, model=model))
     start(motion, engine, 0.0, controller.planned_rates)
-    plants = Plants(engine, loops.factors, loops.friction, times[1])
+    prevented = _ON_TABLE if problem.model.on_table else ()
+    plants = Plants(engine, loops.factors, loops.friction, times[1], prevented)
     shape = len(times), count
     courses = Courses(np.empty((*shape, 4)), np.empty((*shape, dof)), np.empty((*shape, 2)))
     for k, t in enumerate(times.tolist()):

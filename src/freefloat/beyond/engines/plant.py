@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from freefloat.beyond.engines.mujoco_model import MuJoCoModel
@@ -37,7 +39,14 @@ class Plants:
     connect them.
     """
 
-    def __init__(self, engine: MuJoCoModel, factors: Array, friction: Array, period: float) -> None:
+    def __init__(
+        self,
+        engine: MuJoCoModel,
+        factors: Array,
+        friction: Array,
+        period: float,
+        prevented: Sequence[int] = (),
+    ) -> None:
         """Take over an engine in its initial state.
 
         Args:
@@ -45,8 +54,11 @@ class Plants:
             factors: Factors on mass and inertia of every body, shape (K, 1 + n).
             friction: Dry friction in every joint [N m or N], shape (K,).
             period: Time between two commands [s].
+            prevented: Numbers of the motions of the spacecraft that a table prevents.
         """
         self._system, self._tool, self._period = engine.system, engine.tools[0], period
+        self._prevented = np.array(prevented, dtype=np.int64)
+        self._moves = np.isin(range(3), self._prevented, invert=True)
         self._batch = engine.batch(factors)
         self._friction = Friction(friction, *engine.friction_law(self._batch))
         self._rows = engine.mass_matrix_rows()
@@ -83,7 +95,7 @@ class Plants:
         self._batch.forward(stage=self._stage)
         momenta = self._momenta(states.attitudes)
         torques = -np.cross(spins, self._system.wheels)
-        reduce_dynamics(self._mass, self._bias, *self._rows, momenta, torques, out)
+        reduce_dynamics(self._mass, self._bias, *self._rows, momenta, torques, self._prevented, out)
 
     def _momenta(self, attitudes: Array) -> Array:
         """Angular momenta without those of wheels, spacecraft frame, shape (K, 3)."""
@@ -106,6 +118,7 @@ class Plants:
         """Their positions (K, 3) and rotations in the frame of the path, at the present time."""
         quaternions = np.roll(self._rotations[:, self._tool], -1, axis=1)
         moved = self._centres_at_start + t * self._system.drift - self._centres[:, 0]
+        moved *= self._moves
         return self._positions[:, self._tool] + moved, Rotation.from_quat(quaternions)
 
     def advance(self, rates: Array, inertias: Array) -> None:

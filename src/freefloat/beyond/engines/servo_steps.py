@@ -83,7 +83,7 @@ class Friction(NamedTuple):
 @compiled
 def reduce_dynamics(
     mass: Array, bias: Array, columns: Array, starts: Array, momenta: Array, wheels: Array,
-    out: Dynamics,
+    prevented: Array, out: Dynamics,
 ) -> None:  # fmt: skip
     """Eliminate the spacecraft from equations of motion in MuJoCo's order.
 
@@ -94,6 +94,7 @@ def reduce_dynamics(
         starts: Index of the first element of every row, and of the end, shape (7 + n,).
         momenta: Angular momenta without those of wheels, spacecraft frame, shape (K, 3).
         wheels: Torques of wheels on the spacecraft, shape (K, 3).
+        prevented: Which of the six motions of the spacecraft a table prevents.
         out: Receives the dynamics.
     """
     count, size = bias.shape
@@ -105,6 +106,9 @@ def reduce_dynamics(
         c[:] = bias[k]
         for i in range(3):
             c[3 + i] -= wheels[k, i]
+        for i in prevented:
+            M[i], M[:, i], c[i] = 0.0, 0.0, 0.0
+            M[i, i] = 1.0
         for i in range(3, size):  # translation
             for a in range(3):
                 share = M[i, a] / M[a, a]

@@ -9,7 +9,7 @@ friction.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from math import ceil
 from typing import Any
 
@@ -303,7 +303,7 @@ class _SimulatedRobot:
         places = nominal.link_places.items()
         by_link = {link: float(factors[number]) for link, (number, _) in places}
         description = scaled(nominal.description, by_link)
-        model = FreeFloatingModel(description, nominal.end_effector, nominal.fixed_joints)
+        model = replace(nominal, description=description)
         measure = singularity_measure(model, problem.task, problem.margin.measure.name)
         return cls(model, MeasureValues(model, problem.task, measure))
 
