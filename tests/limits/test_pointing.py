@@ -111,9 +111,9 @@ def test_compiled_precise_and_sampled_extremes_agree(name: str, drift: float) ->
         )[-2:]
         assert turn.worst == pytest.approx(2.0 * np.arccos(sampled[3]), abs=1e-6)
         assert turn.ratio == pytest.approx(turn.worst / limits.base_turn)
-        spare = signs[:3] * ([1.2, 0.8, 2.0] - np.arccos(sampled[:3]))
-        assert pointing.spare == pytest.approx(spare.min(), abs=1e-6)
-        assert pointing.where.endswith(f"(pointing.{spare.argmin()})")
+        ratios = (np.arccos(sampled[:3]) / [1.2, 0.8, 2.0]) ** signs[:3]
+        assert pointing.ratio == pytest.approx(ratios.max(), abs=1e-6)
+        assert pointing.where.endswith(f"(pointing.{ratios.argmax()})")
         kept = turn.kept and pointing.kept
         if abs((signs * (sampled - bounds)).min()) > 2e-4:
             assert bool(result.endings[k] == COMPLETED) is kept

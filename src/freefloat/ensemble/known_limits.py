@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from freefloat.ensemble.equivalence import ScaledMotions
 from freefloat.ensemble.result import EnsembleResult
-from freefloat.motion.pointing import AttitudeLimits, Keep
+from freefloat.motion.pointing import AttitudeLimits
 from freefloat.robot.joint_ranges import range_ratios, shifts_into_ranges
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array, BoolArray, IntArray
@@ -144,12 +144,11 @@ class KnownLimits:
         """
         values = LimitValues.empty(len(disturbed), len(self._entries))
         rows, stretches, first = np.arange(len(disturbed)), disturbed.stretches, 0
-        for number, (name, entry) in enumerate(self._entries.items()):
+        for number, entry in enumerate(self._entries.values()):
             scales = disturbed.scales[:, first : first + len(entry.places)]
             first += 0 if disturbed.scales.shape[1] == 1 else len(entry.places)
             ratios = entry.ratios(motions, stretches) * scales
-            nearness = self._nearness(ratios, scales) if name == "pointing" else ratios
-            place = nearness.argmax(axis=1)
+            place = ratios.argmax(axis=1)
             ratio, scale = (np.broadcast_to(array, ratios.shape)[rows, place]
                             for array in (ratios, scales))  # fmt: skip
             values.ratios[:, number] = ratio
@@ -181,11 +180,3 @@ class KnownLimits:
 
     def _pointing_ratios(self, motions: EnsembleResult, _: Array) -> Array:
         return self.compared.ratios(motions.slacks)[:, :-1]
-
-    def _nearness(self, ratios: Array, scales: Array) -> Array:
-        """How near axes are to the edges of their cones, or how far beyond: minus an angle."""
-        inside = np.array([limit.keep is Keep.INSIDE for limit in self.attitude.pointing])
-        angles = np.array([limit.angle for limit in self.attitude.pointing])
-        angles = angles * np.where(inside, 1.0 / scales, scales)
-        with np.errstate(divide="ignore"):
-            return np.asarray(-angles * np.where(inside, 1.0 - ratios, 1.0 / ratios - 1.0))

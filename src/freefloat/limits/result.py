@@ -71,11 +71,6 @@ class LimitResult:
         return self.timed and self.worst < 0.0
 
     @property
-    def spare(self) -> float:
-        """How far the value is from the bound [unit]; negative where the limit is violated."""
-        return self.worst - self.allowed if self.at_least else self.allowed - self.worst
-
-    @property
     def shown_bound(self) -> str:
         """The bound as tables show it, on the side of the value: ``≤ 0.3``, ``≥ -0.3``."""
         return f"{self.relation} {self.shown(self.bound, 5)}"

@@ -29,9 +29,9 @@ class PointingLimits(Limit[tuple[PointingLimit, ...]]):
         return super().bound_of(problem, limits) or None
 
     def worst(self, motion: Motion) -> LimitResult:
-        """The result of the axis that is nearest to the edge of its cone, or farthest beyond it."""
+        """The result of the axis whose angle is largest relative to its limit."""
         results = (self._of_axis(axis, number, motion) for number, axis in enumerate(self.bound))
-        return min(results, key=lambda result: result.spare)
+        return max(results, key=lambda result: result.ratio)
 
     def _of_axis(self, limit: PointingLimit, number: int, motion: Motion) -> LimitResult:
         model, inside = motion.problem.model, limit.keep is Keep.INSIDE
