@@ -82,5 +82,6 @@ def _rate_at_rest(scenario: Scenario) -> str:
         where = "in the present state"
         with scenario.error_context():
             attitude, joints = search.present_state(system.model)
-    rate = math.degrees(math.hypot(*system.base_rate(attitude, joints, 0.0 * joints)))
+    turn = system.base_rate(attitude, joints, 0.0 * joints)
+    rate = math.degrees(float(turn[2]) if system.model.on_table else math.hypot(*turn))
     return f"  {where} the spacecraft turns at {rate:.4g} deg/s while the joints rest"

@@ -9,7 +9,7 @@ joints turn about +z.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
@@ -134,8 +134,8 @@ class MarginCurve:
     level: float
     first: bool
     whole: bool
-    joints: Array
-    radii: Array
+    joints: Array = field(repr=False)
+    radii: Array = field(repr=False)
     covered: Interval
 
     @property

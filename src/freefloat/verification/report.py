@@ -13,7 +13,7 @@ from freefloat.verification.engine import EngineRuns
 from freefloat.verification.leaves import compare
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class CheckReport:
     """Result of verifying a record.
 
@@ -31,12 +31,16 @@ class CheckReport:
 
     kind: str
     checks: tuple[Check, ...]
-    certificate: Certificate | None = field(default=None, repr=False)
-    limits: tuple[LimitResult, ...] = field(default=(), repr=False)
-    runs: EngineRuns = field(default=EngineRuns(), repr=False)
+    certificate: Certificate | None = None
+    limits: tuple[LimitResult, ...] = ()
+    runs: EngineRuns = EngineRuns()
     engine: str | None = None
     not_verified: tuple[str, ...] = ()
     given: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        failed = len(self.discrepancies)
+        return f"CheckReport({self.kind}: {len(self.checks)} checks, {failed} failed)"
 
     def comparing(self, stated: Any, known: Known) -> CheckReport:
         """The report with the comparison of a record with what is known of it."""
