@@ -33,7 +33,7 @@ class CheckReport:
     checks: tuple[Check, ...]
     certificate: Certificate | None = None
     limits: tuple[LimitResult, ...] = ()
-    runs: EngineRuns = EngineRuns()
+    runs: EngineRuns = field(default=EngineRuns())
     engine: str | None = None
     not_verified: tuple[str, ...] = ()
     given: tuple[str, ...] = ()
