@@ -110,15 +110,22 @@ def _joint_values(robot: RobotDescription) -> Faults:
             yield Fault(joint, "axis", problem, f'<axis xyz="{unit}"/>')
 
 
-def root_masses(robot: RobotDescription) -> Faults:
-    """A root link without mass or lighter than what moves: the foot of an arm, no spacecraft."""
+def root_masses(robot: RobotDescription, mounted: bool) -> Faults:
+    """A spacecraft where there should be an arm, or the other way round.
+
+    Without a spacecraft that carries it, a root link without mass or lighter than what moves is the
+    foot of an arm; with one, a heavier root link is a spacecraft already.
+    """
     masses = {first: _mass(robot, group) for first, group in robot.rigid_groups.items()}
     moving = sum(mass for first, mass in masses.items() if first not in robot.roots)
     for root in robot.roots if robot.joints else ():
         problem, remedy = "", "robot.spacecraft in a scenario, or an <inertial> in this link"
-        if masses[root] == 0.0:
+        if mounted and masses[root] > moving:
+            problem = f"the root link has {masses[root]:.4g} kg, what it carries {moving:.4g} kg"
+            remedy = "no robot.spacecraft, which is added to it, if this is a spacecraft already"
+        elif not mounted and masses[root] == 0.0:
             problem = "the root link and what is fixed to it have no mass"
-        elif masses[root] < moving:
+        elif not mounted and masses[root] < moving:
             problem = f"the root link has {masses[root]:.4g} kg, what it carries {moving:.4g} kg"
             remedy = "robot.spacecraft in a scenario, if this is the foot of an arm"
         if problem:
