@@ -32,7 +32,7 @@ def assert_same(robots: Robots) -> None:
         np.testing.assert_allclose(robots.bodies[k], frames.bodies, rtol=0, atol=1e-9)
         np.testing.assert_allclose(robots.base[k, :3], frames.base[:3], rtol=0, atol=1e-12)
         np.testing.assert_allclose(robots.base[k, 3], frames.base[3], rtol=0, atol=1e-12)
-        assert robots.reaches[k] == pytest.approx(virtual.reach, rel=1e-12)
+        assert robots.reaches()[k] == pytest.approx(virtual.reach, rel=1e-12)
         assert robots.mean_inertias[k] == pytest.approx(mean_inertia(model), rel=1e-12)
         np.testing.assert_allclose(
             offsets[k], model.base_position(attitude, q) - base, rtol=0, atol=1e-12

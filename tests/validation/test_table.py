@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -323,6 +324,25 @@ def test_ranges_narrower_than_the_spacing_of_samples_are_found() -> None:
         np.testing.assert_array_equal(kept, np.array(depths) >= 0.0)
 
 
+def test_the_height_of_a_planar_arm_does_not_matter() -> None:
+    high = raised(np.random.default_rng(3))
+    low = re.sub(r' 0 0\.\d+"', ' 0 0"', high, count=1)
+    found = []
+    for text in (low, high):
+        model = ff.FreeFloatingModel.from_urdf(text, "end_effector", base="planar")
+        z = model.end_effector_pose([0.0, 0.0, 0.0, 1.0], [0.3, 0.9]).position[2]
+        line = ff.paths.PolynomialCurve.line([0.9, 0.1, z], [0.7, 0.5, z])
+        problem = ff.Problem(model, path=line, duration=20, margin=("sigma", 0.03))
+        link = next(iter(model.link_places))
+        many = ff.simulate_many(problem, headings=0.2, branch=0, scale_mass={link: [1.0, 1.3]})
+        plan = ff.plan(problem)
+        found.append([plan.chosen.minimum_margin, *many.minimum_margins])
+        found[-1] += [limit for entry in plan.ranges for low_high in entry.ranges
+                      for limit in (low_high.low, low_high.high)]  # fmt: skip
+    assert abs(z) > 0.1
+    np.testing.assert_allclose(*found, atol=1e-9)
+
+
 @pytest.mark.parametrize("number", [0, 2, 3])
 def test_a_capture_conserves_what_a_table_does_not_carry(number: int) -> None:
     problem, attitude, joints, _ = on_table(number)
@@ -338,12 +358,14 @@ def test_a_capture_conserves_what_a_table_does_not_carry(number: int) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("goal", [
-    {"attitude": [0, 0, 0.17364818, 0.98480775]},
-    {"pose": {"position": [0.7, 0.3, 0.8], "orientation": {"rpy": [0, 1.2, 0.3]}}},
+@pytest.mark.parametrize(("goal", "raised"), [
+    ({"attitude": [0, 0, 0.17364818, 0.98480775]}, 0.0),
+    ({"pose": {"position": [0.7, 0.3, 0.8], "orientation": {"rpy": [0, 1.2, 0.3]}}}, 0.0),
+    ({"pose": {"position": [0.7, 0.3, 1.8], "orientation": {"rpy": [0, 1.2, 0.3]}}}, 1.0),
 ])  # fmt: skip
-def test_motions_to_goals_on_a_table_are_verified(goal: dict[str, object]) -> None:
+def test_motions_to_goals_on_a_table_are_verified(goal: dict[str, object], raised: float) -> None:
     robot = ff.load_scenario("ur5_servicer/table").content.robot.model_dump(exclude_unset=True)
+    robot["spacecraft"]["mount"]["xyz"][2] += raised
     joints = [-0.46, -0.85, 1.4, 2.6, -0.93, 1.57]
     search = {"from_attitude": [0, 0, 0, 1], "joints": joints}
     limits = {"joint_rate": 0.3, "clearance": False}

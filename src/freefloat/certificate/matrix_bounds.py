@@ -97,7 +97,7 @@ class ScaledSystem:
     def __init__(self, motion: Motion) -> None:
         """Prepare the robot of a motion, with its strokes of prismatic joints."""
         model, task = motion.problem.model, motion.problem.task
-        reach = unit_of_length(model)
+        reach = unit_of_length(model, task)
         m = model.total_mass
         L = max(_chain_length(motion), reach) / reach
         unit = m * reach**2

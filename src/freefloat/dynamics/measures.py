@@ -21,7 +21,13 @@ from freefloat.dynamics.generalized_jacobian import (
     system_matrix,
 )
 from freefloat.dynamics.link_frames import link_frames
-from freefloat.dynamics.tasks import Task, base_rotations, prescribed_rows, require_task
+from freefloat.dynamics.tasks import (
+    Task,
+    base_rotations,
+    prescribed_rows,
+    require_task,
+    required_plane,
+)
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator, meeting_point
 from freefloat.errors import InputError
 from freefloat.robot.joint_values import finite_after
@@ -119,7 +125,7 @@ def singularity_measure(
         unit = f"{_unit(lengths + 2 * k)} kg" + ("^3" if k == 3 else "")
         return SingularityMeasure(name, definition, unit, partial(_system, model, task), k)
     if name == "sigma":
-        reach = unit_of_length(model)
+        reach = unit_of_length(model, task)
         definition = f"smallest singular value of S* (7), in units of the reach {reach:.4g} m"
         function = partial(_sigma, model, task, unit_factors(model, task))
         smooth = tuple(partial(function, power=power) for power in _POWERS)
@@ -153,14 +159,21 @@ def _system(model: FreeFloatingModel, task: Task, joints: Array) -> Any:
 
 def unit_factors(model: FreeFloatingModel, task: Task) -> tuple[Array, Array]:
     """Factors of the rows (m,) and columns (n,) of S* that put lengths in units of the reach."""
-    reach = unit_of_length(model)
+    reach = unit_of_length(model, task)
     rows = np.where(np.array(prescribed_rows(model, task)) % 6 < 3, 1.0 / reach, 1.0)
     return rows, np.where(model.prismatic[: model.arm_dof], reach, 1.0)
 
 
-def unit_of_length(model: FreeFloatingModel) -> float:
-    """The reach that is the measures' unit of length [m], further arms fixed at zero."""
-    return VirtualManipulator.of(model.with_arms_at_zero).reach
+def unit_of_length(model: FreeFloatingModel, task: Task) -> float:
+    """The reach that is the measures' unit of length [m], further arms fixed at zero.
+
+    For planar tasks on a table it is the reach in the plane, whatever the height of the arm.
+    """
+    virtual = VirtualManipulator.of(model.with_arms_at_zero)
+    if not (task.planar and model.on_table):
+        return virtual.reach
+    in_plane = virtual.links @ required_plane(model, task).axes[:, :2]
+    return virtual.reach - float((virtual.lengths - np.linalg.norm(in_plane, axis=1)).sum())
 
 
 def _sigma(

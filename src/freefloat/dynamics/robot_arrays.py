@@ -13,9 +13,9 @@ from freefloat.dynamics.link_frames import (
     link_frames,
     robot_properties,
 )
+from freefloat.dynamics.measures import unit_of_length
 from freefloat.dynamics.redundancy import singular_speed
 from freefloat.dynamics.tasks import Task, prescribed_rows
-from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array
 
@@ -42,7 +42,7 @@ def kernel_robot(model: FreeFloatingModel, task: Task, coefficients: Array | Non
     turn = np.eye(3) if axes.plane is None else axes.plane.axes.T
     properties = robot_properties(
         np.array([axes.seen(entry.base) for entry in frames]), np.vstack(bodies),
-        VirtualManipulator.of(arms[0]).reach,
+        unit_of_length(arms[0], task),
         np.zeros((0, 2)) if coefficients is None else coefficients,
     )  # fmt: skip
     properties[TOTAL_MASS] -= (len(arms) - 1) * body.mass

@@ -81,7 +81,7 @@ def kernel_measure(
 def _with_arms(problem: Problem, robot: Robot, frames: LinkFrames) -> Robot:
     """The arrays of a robot with its further arms."""
     properties = robot.properties.copy()
-    properties[REACH] = unit_of_length(problem.model)
+    properties[REACH] = unit_of_length(problem.model, problem.task)
     return robot._replace(properties=properties, further=kernel_arms(problem, frames))
 
 

@@ -136,7 +136,8 @@ class Robots:
         if problem.margin.measure.name == "arm":
             coefficients = ArmPlane.of(self.frames).coefficients(self.bodies)
         base = problem.plane.seen(self.base) if problem.task.planar else self.base
-        return robot_properties(base[:, None], self.bodies, self.reaches, coefficients)
+        normal = problem.plane.normal if problem.task.planar and problem.model.on_table else None
+        return robot_properties(base[:, None], self.bodies, self.reaches(normal), coefficients)
 
     def suit(self, problem: Problem) -> BoolArray:
         """Which robots suit the task and the measure of the model's problem, shape (K,)."""
@@ -162,13 +163,15 @@ class Robots:
         )
         return np.asarray(np.abs(defects).max(axis=(0, 2)) <= _PLANAR * size)
 
-    @property
-    def reaches(self) -> Array:
+    def reaches(self, normal: Array | None = None) -> Array:
         """Upper bounds of the distances from the centre of mass to the end-effector [m], (K,).
 
-        As :attr:`.VirtualManipulator.reach`.
+        As :attr:`.VirtualManipulator.reach`, or in the plane with a normal, shape (3,).
         """
         links, strokes = self._barycentric
+        if normal is not None:
+            normals = (self.base[:, :3] @ normal).T  # in link frame 0
+            links = links - normals[:, None] * np.einsum("ik,ijk->jk", normals, links)
         largest = np.abs(self.nominal.joint_ranges).max(axis=0)
         lengths = [*np.sqrt(_dot(links, links))]
         lengths += [strokes[k] * largest[k] for k in np.flatnonzero(self.nominal.prismatic)]

@@ -40,7 +40,7 @@ class SingularityKind(StrEnum):
 
 
 _MEANINGS = {
-    SingularityKind.BOUNDARY: "the arm is stretched or folded, with a fixed base, too",
+    SingularityKind.BOUNDARY: "the arm is stretched or folded but for a thousandth of its reach",
     SingularityKind.KINEMATIC: "singular with a fixed base, too",
     SingularityKind.DYNAMIC: "not singular with a fixed base",
 }

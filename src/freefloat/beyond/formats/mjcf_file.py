@@ -52,8 +52,8 @@ def _state(trajectory: Trajectory, k: int) -> dict[str, str]:
     rates: list[Array] = [velocity, omega, trajectory.joint_rates[k]]
     problem = trajectory.motion.problem
     if problem.model.on_table:
-        heading = problem.plane.heading(attitude)
-        position = [place[:2], np.array([heading]), trajectory.joints[k]]
+        headings = np.unwrap([problem.plane.heading(each) for each in trajectory.attitudes])
+        position = [place[:2], headings[[k]], trajectory.joints[k]]
         rates = [velocity[:2], omega[2:], trajectory.joint_rates[k]]
     return {
         "qpos": attribute(np.concatenate(position)),

@@ -13,7 +13,7 @@ from freefloat.beyond.missions.goals.goal import Goal
 from freefloat.beyond.missions.goals.goal_motion import earlier
 from freefloat.beyond.missions.goals.resting import violation_at_rest
 from freefloat.beyond.missions.goals.target import EndState, Target
-from freefloat.dynamics.virtual_manipulator import VirtualManipulator
+from freefloat.dynamics.virtual_manipulator import reach_bound
 from freefloat.errors import InputError
 from freefloat.limits.check import LimitChecker
 from freefloat.limits.limits import Limits
@@ -145,11 +145,11 @@ class Query:
 
 def _too_far(target: Target, t: float) -> str | None:
     """Why no configuration reaches the pose of a target at time t [s]; None where it has none."""
-    reach = VirtualManipulator.of(target.problem.model).reach
+    reach = reach_bound(target.problem.model)
     distance = float(np.linalg.norm(target.pose_at(t).position))
     if target.pose is None or distance <= reach:
         return None
-    return f"the pose is {distance:.4g} m from the centre of mass, the reach {reach:.4g} m"
+    return f"the pose is {distance:.4g} m from the centre of mass, the reach at most {reach:.4g} m"
 
 
 def _turns_too_far(goal: Goal, attitude: Array, limits: Limits) -> str | None:

@@ -12,7 +12,6 @@ from freefloat.beyond.missions.capture import Capture, Client, capture
 from freefloat.beyond.missions.phases.expected_state import ExpectedState
 from freefloat.beyond.missions.phases.phase import Phase
 from freefloat.beyond.missions.phases.state import SystemState
-from freefloat.dynamics.plane import Plane
 from freefloat.dynamics.summary import roll_pitch_yaw
 from freefloat.errors import InputError, finite_number, finite_vector, require_type
 from freefloat.limits.limits import Limits
@@ -87,13 +86,18 @@ class CapturePhase(Phase):
                 "inertia", "it is missing", "an inertia, or one in the body's tumbling"
             )
         if state.problem.task.planar:
-            self._require_in_plane(body, state.problem.plane)
+            self._require_in_plane(body, state.problem)
         return state.without(body)
 
-    def _require_in_plane(self, body: SceneBody, plane: Plane) -> None:
-        """Raise an InputError where a body would take a planar robot out of its plane."""
+    def _require_in_plane(self, body: SceneBody, problem: Problem) -> None:
+        """Raise an InputError where a body would take a planar robot out of its plane.
+
+        A table carries the moments of a body at any height.
+        """
+        plane = problem.plane
         client, R = self.client(body, IDENTITY), plane.axes.T @ body.orientation
         height = float(plane.normal @ body.position + (R @ client.com)[2])
+        height *= not problem.model.on_table
         rate, inertia, axis = R @ client.angular_velocity, R @ client.inertia @ R.T, plane.axis
         product = np.abs(inertia[:2, 2]).max() / np.trace(inertia)
         for value, problem in (
