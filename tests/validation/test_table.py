@@ -78,7 +78,8 @@ def raised(rng: np.random.Generator) -> str:
         [*rng.uniform([30.0, 2.0, 1.0], [60.0, 5.0, 4.0])], [*rng.uniform(0.2, 2.0, 3)],
         [*rng.uniform(0.2, 0.6, 2)], [*rng.uniform(0.2, 0.6, 3)],
     )  # fmt: skip
-    return text.replace(' 0 0"', f' 0 {rng.uniform(0.1, 0.8)!r}"', 1)
+    first = ' 0 0" rpy="0 0 0"/><axis'
+    return text.replace(first, first.replace('0"', f'{rng.uniform(0.1, 0.8)!r}"', 1), 1)
 
 
 def on_table(
@@ -326,7 +327,7 @@ def test_ranges_narrower_than_the_spacing_of_samples_are_found() -> None:
 
 def test_the_height_of_a_planar_arm_does_not_matter() -> None:
     high = raised(np.random.default_rng(3))
-    low = re.sub(r' 0 0\.\d+"', ' 0 0"', high, count=1)
+    low = re.sub(r' 0 0\.\d+" rpy', ' 0 0" rpy', high, count=1)
     found = []
     for text in (low, high):
         model = ff.FreeFloatingModel.from_urdf(text, "end_effector", base="planar")
@@ -365,7 +366,8 @@ def test_a_capture_conserves_what_a_table_does_not_carry(number: int) -> None:
 ])  # fmt: skip
 def test_motions_to_goals_on_a_table_are_verified(goal: dict[str, object], raised: float) -> None:
     robot = ff.load_scenario("ur5_servicer/table").content.robot.model_dump(exclude_unset=True)
-    robot["spacecraft"]["mount"]["xyz"][2] += raised
+    mount = robot["spacecraft"]["mount"]
+    mount["xyz"] = [*mount["xyz"][:2], mount["xyz"][2] + raised]
     joints = [-0.46, -0.85, 1.4, 2.6, -0.93, 1.57]
     search = {"from_attitude": [0, 0, 0, 1], "joints": joints}
     limits = {"joint_rate": 0.3, "clearance": False}
