@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Protocol
 
@@ -123,6 +123,12 @@ class PhaseResult:
         }
 
 
+def violation_of(results: Iterable[LimitResult]) -> str:
+    """Which limits are violated, as in a title; empty where all are kept."""
+    names = dict.fromkeys(entry.limit for entry in violated(results))
+    return f"infeasible: violates {', '.join(names)}" if names else ""
+
+
 class Answer:
     """A result of planning.
 
@@ -160,8 +166,7 @@ class Answer:
     @property
     def violation(self) -> str:
         """Which limits the motions violate, as in a title; empty where they keep all."""
-        names = [entry.limit for phase in self.phases for entry in violated(phase.limit_results)]
-        return f"infeasible: violates {', '.join(dict.fromkeys(names))}" if names else ""
+        return violation_of(entry for phase in self.phases for entry in phase.limit_results)
 
     def deepest_contact(self) -> Contact | None:
         """The deepest contact of bodies along the motions, at its time after the first path began.

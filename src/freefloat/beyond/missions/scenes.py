@@ -6,6 +6,7 @@ from freefloat.beyond.missions.goals.goal_motion import GoalMotion
 from freefloat.beyond.missions.phases.manoeuvre import Manoeuvre
 from freefloat.errors import InputError
 from freefloat.motion.motion import Motion
+from freefloat.planning.answer import violation_of
 from freefloat.visualization.scenes.scene import Place, motion_scene
 from freefloat.visualization.scenes.scene_builder import PageScene
 
@@ -16,7 +17,9 @@ def goal_scene(result: GoalMotion, title: str) -> PageScene:
     if motion is None:
         accepted = "a goal with a motion"
         raise InputError("result", f"it has no motion: {result.reason}", accepted)
-    return motion_scene({result.kind: motion}, title, result.limits.pointing)
+    violations = {result.kind: result.violation}
+    pointing = result.limits.pointing
+    return motion_scene({result.kind: motion}, title, pointing, violations=violations)
 
 
 def manoeuvre_scene(manoeuvre: Manoeuvre, title: str) -> PageScene:
@@ -27,14 +30,16 @@ def manoeuvre_scene(manoeuvre: Manoeuvre, title: str) -> PageScene:
     """
     motions: dict[str, Motion] = {}
     places: list[Place] = []
+    violations: dict[str, str] = {}
     for number, phase in enumerate(manoeuvre.phases, 1):
         motion = phase.shown_motion
         if motion is not None:
-            motions[f"{number} {phase.name}"] = motion
+            name = f"{number} {phase.name}"
+            motions[name], violations[name] = motion, violation_of(phase.limit_results)
             x, y, z = phase.centre.tolist()
             places.append(Place(phase.start, (x, y, z)))
     if not motions:
         raise InputError("manoeuvre", manoeuvre.reason, "a manoeuvre with a motion")
     result = manoeuvre.path
     pointing = () if result.limits is None else result.limits.pointing
-    return motion_scene(motions, title, pointing, places)
+    return motion_scene(motions, title, pointing, places, violations)
