@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import io
 import json
+from contextlib import suppress
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -74,6 +75,19 @@ def read_mesh(path: Path, scale: npt.ArrayLike = 1.0) -> tuple[Part, ...]:
     Raises:
         MeshFileError: If the file cannot be read, is too large or has no triangles.
     """
+    x, y, z = np.broadcast_to(np.asarray(scale, dtype=float), 3).tolist()
+    state = None
+    with suppress(OSError):
+        found = path.stat()
+        state = found.st_mtime_ns, found.st_size
+    return _parts(path, (x, y, z), state)
+
+
+@lru_cache(maxsize=64)
+def _parts(
+    path: Path, scale: tuple[float, float, float], state: tuple[int, int] | None
+) -> tuple[Part, ...]:
+    """The triangles of a mesh file whose state, time and size, is the same."""
     try:
         scene = trimesh.load_scene(
             io.BytesIO(_content(path)), file_type=path.suffix.lower().removeprefix("."),
@@ -82,7 +96,7 @@ def read_mesh(path: Path, scale: npt.ArrayLike = 1.0) -> tuple[Part, ...]:
         _require_few_triangles(scene)
         unit = scene.units or "meters"  # of formats without units
         metres = trimesh.units.unit_conversion(unit, "meters")
-        factor = metres * np.broadcast_to(np.asarray(scale, dtype=float), 3)
+        factor = metres * np.array(scale)
         meshes: dict[Colour | None, list[Any]] = {}
         for geometry in scene.dump():
             if isinstance(geometry, trimesh.Trimesh) and len(_checked(geometry).faces):
