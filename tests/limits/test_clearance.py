@@ -169,7 +169,7 @@ def test_links_that_held_joints_separate_are_compared(tmp_path, rpy, held, where
     ("0 0 0", "hand", {"h2": 0.0}, 0.6, ("bus - fore: always too near",)),
     (f"0 {np.pi} 0", "hand", {"h1": 0.0}, 0.0, ()),
     (f"0 {np.pi} 0", "hand", {}, 0.0,
-     ("bus - fore: too near where joints that held does not name rest at zero",)),
+     ("bus - fore: too near with joints at zero that robot.held does not name",)),
 ])  # fmt: skip
 def test_links_are_compared_where_other_values_of_held_joints_part_them(
     rpy, end, fixed, least, left_out

@@ -231,7 +231,7 @@ class CollisionPairs:
             for name in map(self._name, pairs)
         }
         unnamed = {
-            f"{self._name(pair)}: too near where joints that held does not name rest at zero"
+            f"{self._name(pair)}: too near with joints at zero that robot.held does not name"
             for pair in held.unnamed
         }
         return sorted(near | unnamed)

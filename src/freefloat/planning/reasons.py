@@ -149,7 +149,7 @@ def reach_message(problem: Problem) -> str | None:
     reach = problem.reach()
     hint = light_spacecraft_hint(problem)
     if s > 0.0:
-        return f"the path leaves the reach of {reach:.4g} m at s = {s:.3g}{hint}"
+        return f"the path leaves the reach of at most {reach:.4g} m at s = {s:.3g}{hint}"
     start = problem.path.pose(0.0).position
     distance = float(np.linalg.norm(start))
     units = "; lengths are in metres" if distance > _OTHER_UNITS * reach else ""
