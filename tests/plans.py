@@ -10,13 +10,12 @@ import numpy as np
 import pytest
 
 import freefloat as ff
-from freefloat.planning import spatial_planner
+from freefloat.planning import path_planner
+from freefloat.planning.candidates import SearchEffort
 from freefloat.planning.plan import Plan
-from freefloat.planning.space import attitude_tolerance as robustness
 from freefloat.planning.space import climbing as search
 from freefloat.planning.space import deepest_ball as deepest
-from freefloat.planning.space import disturbances as tolerance
-from freefloat.planning.tolerance import SearchEffort
+from freefloat.planning.space import tolerances
 
 IDENTITY = [0.0, 0.0, 0.0, 1.0]
 
@@ -25,12 +24,12 @@ IDENTITY = [0.0, 0.0, 0.0, 1.0]
 def smaller_searches() -> Iterator[None]:
     """The same searches with fewer attitudes."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(spatial_planner, "_CANDIDATES", 6)
+        patch.setattr(path_planner, "_CANDIDATES", 6)
         patch.setattr(search, "_FINISHED", 2)
-        patch.setattr(robustness, "_WIDE", 128)
-        patch.setattr(robustness, "EFFORT", SearchEffort(768, 16))
+        patch.setattr(tolerances, "_WIDE", 128)
+        patch.setattr(tolerances, "EFFORT", SearchEffort(768, 16))
         patch.setattr(deepest, "_ROUNDS", 6)
-        patch.setattr(tolerance, "EFFORT", SearchEffort(384, 12))
+        patch.setattr(tolerances, "MOMENTUM_EFFORT", SearchEffort(384, 12))
         yield
 
 

@@ -13,7 +13,7 @@ from freefloat.attitude_grids import attitude_grid
 from freefloat.ensemble.endings import COMPLETED
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.motion.motion import Motion
-from freefloat.planning.objectives.objectives import NAMED
+from freefloat.planning.objectives import NAMED
 from freefloat.planning.plane.arcs import BranchRanges
 from freefloat.planning.plane.ranges import find_range_limits, heading_ranges
 from freefloat.so3 import heading_quaternion, unit_quaternion

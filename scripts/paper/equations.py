@@ -30,9 +30,9 @@ from freefloat.paths.timed_path import TimedPath
 from freefloat.paths.timing import Timing
 from freefloat.planning.plane.ranges import heading_ranges
 from freefloat.planning.space.mapping import attitude_map
-from freefloat.planning.touching.end_points import end_points
 from freefloat.planning.touching.margin_lines import PathOfPoint3, StatesOnPath
 from freefloat.planning.touching.planar_points import planar_touch_points
+from freefloat.planning.touching.spatial_points import end_points
 from freefloat.planning.touching.touch_points import touch_points
 from freefloat.regions.elbow_arm import elbow_arm, wrist_in_tool
 from freefloat.regions.margin_curves import TwoAngleDeterminant, margin_curves

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from freefloat.planning.candidates import SearchEffort
 from freefloat.planning.searches.adversary import confirmed_radius, violations
-from freefloat.planning.tolerance import SearchEffort
 
 EFFORT = SearchEffort(samples=512, descents=12)
 

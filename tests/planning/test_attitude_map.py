@@ -8,9 +8,8 @@ import pytest
 import freefloat as ff
 from freefloat.attitude_grids import attitude_grid, grid_spacing
 from freefloat.ensemble.endings import SINGULAR
-from freefloat.planning.searches.nearest_neighbours import depths
-from freefloat.planning.space.attitude_map import AttitudeMap
-from freefloat.planning.space.regions import find_regions
+from freefloat.planning.searches.pattern_search import depths
+from freefloat.planning.space.attitude_map import AttitudeMap, find_regions
 from freefloat.so3 import angle_between
 from tests.maps import branch_results
 

@@ -8,10 +8,10 @@ import pytest
 
 import freefloat as ff
 from freefloat.motion.margin import keeps_threshold
-from freefloat.planning import planar_planner
+from freefloat.planning import headings
 from freefloat.planning.evaluator import evaluator_for
-from freefloat.planning.plane.heading_search import sample_headings
 from freefloat.planning.plane.search import searched_ranges
+from freefloat.planning.space.mapping import sample_headings
 from freefloat.so3 import heading_quaternion
 from tests.motions import bundled
 
@@ -21,7 +21,7 @@ def computed_once():
     """Range limits are computed once for all plans of a problem."""
     with pytest.MonkeyPatch.context() as patch:
         for name in ("limits_of_spans", "heading_ranges"):
-            patch.setattr(planar_planner, name, cache(getattr(planar_planner, name)))
+            patch.setattr(headings, name, cache(getattr(headings, name)))
         yield
 
 

@@ -15,7 +15,7 @@ import freefloat as ff
 from freefloat.motion.extrema import joint_extents
 from freefloat.motion.motion import Motion
 from freefloat.paths import PolynomialCurve
-from freefloat.planning.objectives.objectives import NAMED
+from freefloat.planning.objectives import NAMED
 from freefloat.planning.plan import Plan
 from freefloat.so3 import angle_between, heading_quaternion
 from tests.motions import SEVEN, bundled, from_here

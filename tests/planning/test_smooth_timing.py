@@ -11,8 +11,8 @@ from scipy.interpolate import CubicHermiteSpline, CubicSpline
 from toppra import algorithm, constraint
 
 import freefloat as ff
+from freefloat.planning.timing.agreement import with_speeds
 from freefloat.planning.timing.speed_profile import fastest_speeds
-from freefloat.planning.timing.timed_plan import with_speeds
 from tests.commands import document, run
 from tests.errors import error_key
 from tests.motions import bundled, first_motion

@@ -13,11 +13,11 @@ from freefloat.attitude_grids import attitudes_within
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.motion.margin import keeps_threshold
 from freefloat.planning.evaluator import evaluator_for
-from freefloat.planning.objectives.objectives import NAMED
+from freefloat.planning.objectives import NAMED
+from freefloat.planning.path_planner import plan_attitude
 from freefloat.planning.plan import Plan
 from freefloat.planning.reasons import NOT_UNIQUE
 from freefloat.planning.simulated_branch import SimulatedBranch
-from freefloat.planning.spatial_planner import plan_in_space
 from freefloat.so3 import angle_between, frozen
 from tests.motions import bundled
 
@@ -37,7 +37,7 @@ def with_margin(value: float) -> ff.Problem:
 
 def planned(problem: ff.Problem, search: ff.Search) -> Plan:
     """The plan without its tolerances and certificate."""
-    return plan_in_space(evaluator_for(problem, 1), search)
+    return plan_attitude(evaluator_for(problem, 1), search)
 
 
 @pytest.fixture(scope="module")

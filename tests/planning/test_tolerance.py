@@ -14,8 +14,8 @@ from freefloat.dynamics.generalized_jacobian import generalized_determinant
 from freefloat.ensemble.ensemble import EnsembleIntegrator
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.ensemble.systems import Systems
-from freefloat.planning.space.disturbances import tolerance
-from freefloat.planning.tolerance import Tolerance
+from freefloat.planning.candidates import Tolerance
+from freefloat.planning.space.tolerances import tolerance
 from tests.motions import bundled
 
 

@@ -14,8 +14,7 @@ import yourdfpy
 import freefloat as ff
 from freefloat.planning.evaluator import evaluator_for
 from freefloat.planning.limits.keeping import keep_limits
-from freefloat.planning.planar_planner import plan_in_plane
-from freefloat.planning.spatial_planner import plan_in_space
+from freefloat.planning.path_planner import plan_attitude
 from freefloat.robot.bundled import bundled_robots, find_robot
 
 IDENTITY = np.array([0.0, 0.0, 0.0, 1.0])
@@ -97,10 +96,9 @@ def test_a_scenario_plans_within_its_limits(name: str) -> None:
     scenario = ff.load_scenario(name)
     problem, limits = scenario.problem(), scenario.limits()
     assert limits is not None
-    planner = plan_in_plane if problem.task.planar else plan_in_space
     evaluator = evaluator_for(problem)
     search = replace(scenario.search(), samples=SAMPLES)
-    plan = keep_limits(evaluator, planner(evaluator, search), limits)
+    plan = keep_limits(evaluator, plan_attitude(evaluator, search), limits)
     assert plan.feasible, plan.reason
     assert plan.chosen is not None
     assert problem.margin.keeps(plan.chosen.closest_approach.value)

@@ -10,6 +10,7 @@ from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.motion.problem import Problem
 from freefloat.motion.singularity import SingularEvent, singular_event
 from freefloat.planning.candidates import Candidate
+from freefloat.planning.evaluator import best_branch
 from freefloat.planning.reasons import (
     ending_fractions,
     light_spacecraft_hint,
@@ -22,7 +23,7 @@ from freefloat.planning.reasons import (
 from freefloat.planning.settings import HEADINGS, Search
 from freefloat.planning.simulated_branch import SimulatedBranch, integrate_branch
 from freefloat.planning.space.attitude_map import AttitudeMap
-from freefloat.planning.space.climbing import best_branch, largest_margins
+from freefloat.planning.space.climbing import largest_margins
 from freefloat.regions.planar_regions import PlanarArm, most_singular_place, point_3_of_pose
 
 _TRIED = 24

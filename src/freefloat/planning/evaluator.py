@@ -42,3 +42,10 @@ def evaluator_near(evaluator: FeasibilityEvaluator, joints: Array) -> Feasibilit
         replace(problem, start_joints=joints), evaluator.threads,
         tolerance=step_tolerance(problem), limits=evaluator.limits,
     )  # fmt: skip
+
+
+def best_branch(evaluator: FeasibilityEvaluator, attitude: Array) -> tuple[int, Array]:
+    """Number and initial joints of the arm branch with the largest margin at an attitude."""
+    results = evaluator.evaluate(attitude[None])
+    branch = int(np.argmax(results.margins[0]))
+    return branch, results.joints[0, branch]

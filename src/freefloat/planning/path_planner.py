@@ -2,26 +2,47 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from freefloat.certificate.certificate import certify
-from freefloat.concurrency import Progress
+from freefloat.concurrency import Progress, step_of
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.limits.contact import deepest_contact
 from freefloat.limits.limits import Limits
 from freefloat.motion.problem import Problem
-from freefloat.planning.candidates import ScreenedCandidate
-from freefloat.planning.evaluator import evaluator_for, evaluator_near
-from freefloat.planning.further_search import searched_further
-from freefloat.planning.limits.holding import held_plan
+from freefloat.planning.candidates import (
+    Ball,
+    Candidate,
+    NearAttitude,
+    Peak,
+    ScreenedCandidate,
+)
+from freefloat.planning.diagnostics import (
+    disagreement_message,
+    infeasible_distance_message,
+    no_feasible_attitude_message,
+    no_feasible_heading_message,
+)
+from freefloat.planning.evaluator import best_branch, evaluator_for, evaluator_near
+from freefloat.planning.headings import feasible_ranges, has_exact_ranges, heading_depth
+from freefloat.planning.limits.further_search import searched_further
 from freefloat.planning.limits.keeping import keep_limits
-from freefloat.planning.limits.trials import PassedTrial
+from freefloat.planning.limits.trials import OVER, PassedTrial
 from freefloat.planning.plan import Plan
-from freefloat.planning.planar_planner import plan_in_plane
-from freefloat.planning.settings import Search
-from freefloat.planning.space.attitude_tolerance import EFFORT, robust_radius
-from freefloat.planning.space.disturbances import tolerance
-from freefloat.planning.spatial_planner import plan_in_space
+from freefloat.planning.plane.choices import RangeChoices
+from freefloat.planning.reasons import HELD, NOT_UNIQUE, margin_text
+from freefloat.planning.settings import PLAN_ATTITUDES, Search
+from freefloat.planning.simulated_branch import SimulatedBranch, integrate_branch
+from freefloat.planning.space.choices import SampledChoices
+from freefloat.planning.space.climbing import is_unique
+from freefloat.planning.space.mapping import sample_attitudes
+from freefloat.planning.space.tolerances import EFFORT, robust_radius, tolerance
+
+_SAMPLING = 0.6
+"""Fraction of the computing time of spatial plans, for the progress reported."""
+_CANDIDATES = 12
+"""Candidates that are integrated precisely before giving up."""
 
 
 def plan_path(
@@ -42,8 +63,7 @@ def plan_path(
     precise motions where a longer duration is known to be enough.
     """
     evaluator = evaluator_for(problem, threads, limits, search)
-    planner = plan_in_plane if problem.has_headings else plan_in_space
-    result = planner(evaluator, search, limits, progress)
+    result = plan_attitude(evaluator, search, limits, progress)
     kept = limits.without_timed if limits is not None and to_retime else limits
     if kept is not None:
         result = keep_limits(evaluator, result, kept, progress, known)
@@ -55,6 +75,22 @@ def plan_path(
     return _with_tolerances(evaluator, certified(result))
 
 
+def stretched_plan(plan: Callable[..., Plan], problem: Problem) -> Plan:
+    """The plan of a problem, with a longer duration where rates or torques require one.
+
+    Args:
+        plan: :func:`plan_path` with its options.
+        problem: The problem.
+    """
+    result = plan(problem, to_stretch=True)
+    if result.needed_stretch is None:
+        return result
+    factor = result.needed_stretch
+    if not problem.depends_on_timing and not problem.scene.tumbles:
+        factor *= OVER  # it just keeps the limits; else it is one that was integrated
+    return replace(plan(problem.stretched(factor), result.stretch_candidate), stretch=factor)
+
+
 def plan_held(
     passed: PassedTrial,
     *,
@@ -63,10 +99,84 @@ def plan_held(
     threads: int | None,
     progress: Progress | None,
 ) -> Plan:
-    """The plan with a known motion, see :func:`held_plan`."""
-    evaluator = evaluator_for(passed[0].motion.problem, threads, limits, search)
-    result = held_plan(evaluator, search, limits, passed, progress)
-    return _with_tolerances(evaluator, certified(result))
+    """The plan with a known motion that keeps margin and limits.
+
+    All other attitudes are looked at, too, but none is chosen: ranges of headings, or a map.
+    """
+    chosen, results = passed
+    evaluator = evaluator_for(chosen.motion.problem, threads, limits, search)
+    plan = replace(
+        _surveyed(evaluator, search, progress),
+        feasible=True,
+        reason=f"{HELD}, {margin_text(chosen.closest_approach)}",
+        limits=limits, chosen=chosen, limit_results=results,
+    )  # fmt: skip
+    plan = replace(plan, robust_radius=heading_depth(evaluator, plan, chosen))
+    return _with_tolerances(evaluator, certified(plan))
+
+
+def plan_attitude(
+    evaluator: FeasibilityEvaluator,
+    search: Search,
+    limits: Limits | None = None,
+    progress: Progress | None = None,
+) -> Plan:
+    """Choose the first of the objective's candidates whose precise motion keeps the margin.
+
+    They are headings in the ranges of feasible ones, or attitudes refined between the samples of a
+    map. The robust radius in space is known only where it was searched for.
+    """
+    problem, objective = evaluator.problem, search.objective
+    exact = has_exact_ranges(problem)
+    if exact and (reason := infeasible_distance_message(problem)) is not None:
+        return Plan(problem, search, False, reason)
+    plan = _surveyed(evaluator, search, step_of(progress, 0.0, _SAMPLING))
+    candidates: Sequence[Candidate] = ()
+    if plan.map is not None:
+        candidates = objective.candidates(SampledChoices(evaluator, plan.map, search, limits))
+    elif any(entry.ranges for entry in plan.ranges):
+        candidates = objective.candidates(RangeChoices(evaluator, plan.ranges, search, limits))
+    disagreements: list[str] = []
+    for candidate in candidates[:_CANDIDATES]:
+        chosen = _integrated(evaluator, candidate)
+        if chosen.feasible:
+            break
+        disagreements.append(disagreement_message(evaluator, candidate, chosen))
+    else:
+        if plan.map is not None:
+            reason = no_feasible_attitude_message(evaluator, plan.map)
+            return replace(plan, reason=reason, disagreements=tuple(disagreements))
+        reason = "".join(disagreements) or no_feasible_heading_message(evaluator, search, exact)
+        return replace(plan, reason=reason)
+    flat = isinstance(candidate, Peak) and not is_unique(evaluator, candidate, search.domain)
+    reason = objective.reason(candidate, search.spare, margin_text(chosen.closest_approach))
+    radius = candidate.radius if isinstance(candidate, Ball | NearAttitude) else None
+    plan = replace(
+        plan, feasible=True, reason=reason + NOT_UNIQUE * flat, chosen=chosen,
+        disagreements=tuple(disagreements),
+    )  # fmt: skip
+    if progress is not None:
+        progress(1.0)
+    depth = heading_depth(evaluator, plan, chosen)
+    return replace(plan, robust_radius=radius if depth is None else depth)
+
+
+def _surveyed(evaluator: FeasibilityEvaluator, search: Search, progress: Progress | None) -> Plan:
+    """The plan without a choice: with the ranges of feasible headings, or a map of SO(3)."""
+    problem = evaluator.problem
+    if not problem.has_headings:
+        samples = sample_attitudes(evaluator, search.samples or PLAN_ATTITUDES, search, progress)
+        return Plan(problem, search, False, "", map=samples)
+    known = () if search.present is None else (problem.plane.heading(search.present),)
+    return Plan(problem, search, False, "", *feasible_ranges(evaluator, search, known, progress))
+
+
+def _integrated(evaluator: FeasibilityEvaluator, candidate: Candidate) -> SimulatedBranch:
+    """The precise motion of a candidate; of a redundant arm that of its best branch."""
+    branch = candidate.branch
+    if branch is None:
+        branch, _ = best_branch(evaluator, candidate.attitude)
+    return integrate_branch(evaluator.problem, candidate.attitude, branch)
 
 
 def certified(plan: Plan) -> Plan:

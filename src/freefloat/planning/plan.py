@@ -15,13 +15,12 @@ from freefloat.limits.result import LimitResult
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
 from freefloat.planning.answer import Answer, PhaseResult
-from freefloat.planning.candidates import ScreenedCandidate
+from freefloat.planning.candidates import ScreenedCandidate, SearchEffort, Tolerance
 from freefloat.planning.plane.arcs import BranchRanges, covered_angle
-from freefloat.planning.plane.segment import Segment
+from freefloat.planning.plane.ranges import Segment
 from freefloat.planning.settings import Search
 from freefloat.planning.simulated_branch import SimulatedBranch
 from freefloat.planning.space.attitude_map import AttitudeMap
-from freefloat.planning.tolerance import SearchEffort, Tolerance
 from freefloat.so3 import angle_between, degrees
 
 _MOTION_KEYS = (

@@ -10,13 +10,12 @@ from freefloat.concurrency import Progress
 from freefloat.errors import require_type
 from freefloat.limits.limits import Limits, limits_for
 from freefloat.motion.problem import Problem, require_problem
-from freefloat.planning.path_planner import plan_path
+from freefloat.planning.path_planner import plan_path, stretched_plan
 from freefloat.planning.plan import Plan
 from freefloat.planning.settings import Search
 from freefloat.planning.timing.agreement import NARROWER, at_first_guess
 from freefloat.planning.timing.retiming import retime
 from freefloat.planning.timing.speed_profile import require_considered
-from freefloat.planning.timing.stretching import stretched_plan
 
 
 def plan(

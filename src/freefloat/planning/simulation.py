@@ -167,12 +167,6 @@ def chosen_joints(problem: Problem, attitude: Array, joints: Array | None) -> Ar
     return _within_limits(simulated, checker)[0][0].branch.joints
 
 
-def best_motion(problem: Problem, attitude: Array) -> SimulatedBranch:
-    """The motion from an attitude (4,) with the largest minimum margin, whatever its limits."""
-    branches, _ = _branches(problem, attitude, None, None)
-    return _ranked([integrate_from(problem, attitude, start) for start in branches])[0]
-
-
 def _branches(
     problem: Problem, attitude: Array, branch: int | None, joints: npt.ArrayLike | None
 ) -> tuple[list[ArmBranch], ArmBranch | None]:

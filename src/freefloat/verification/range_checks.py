@@ -17,19 +17,18 @@ from freefloat.motion.integration import integrate_motion
 from freefloat.motion.pointing import AttitudeLimits
 from freefloat.motion.problem import Problem
 from freefloat.paths.time_laws import TimeLaw
-from freefloat.planning.candidates import Candidate
+from freefloat.planning.candidates import Candidate, SearchEffort, Tolerance
 from freefloat.planning.evaluator import evaluator_for, evaluator_near
+from freefloat.planning.headings import heading_depth, ranges_containing
+from freefloat.planning.path_planner import plan_attitude
 from freefloat.planning.plan import Plan
-from freefloat.planning.planar_planner import heading_depth, plan_in_plane, ranges_containing
 from freefloat.planning.plane.arcs import BranchRanges
 from freefloat.planning.plane.continuation import keeps_from_nearby
 from freefloat.planning.searches.adversary import violations
 from freefloat.planning.settings import PLAN_ATTITUDES
 from freefloat.planning.simulated_branch import SimulatedBranch
-from freefloat.planning.space.attitude_tolerance import NearbyAttitudes, robust_radius
-from freefloat.planning.space.disturbances import LONGEST, tolerance
 from freefloat.planning.space.mapping import sample_attitudes
-from freefloat.planning.tolerance import SearchEffort, Tolerance
+from freefloat.planning.space.tolerances import LONGEST, NearbyAttitudes, robust_radius, tolerance
 from freefloat.records import Known
 from freefloat.so3 import Array
 from freefloat.verification.comparisons import Check
@@ -64,7 +63,7 @@ def known_robustness(plan: Plan) -> dict[str, Any]:
     retimed = optimal and problem.depends_on_timing
     known: dict[str, Any] = {}
     if problem.has_headings:
-        again = plan_in_plane(evaluator, search, plan.limits)
+        again = plan_attitude(evaluator, search, plan.limits)
         known |= dict.fromkeys(("map", "radius_effort", "tolerance")) | {"disagreements": ()}
         if again.reason == plan.reason:  # limits may lead to another heading, for another reason
             known["reason"] = again.reason
@@ -74,8 +73,7 @@ def known_robustness(plan: Plan) -> dict[str, Any]:
         known |= {"segments": () if optimal else again.segments}
         known |= {} if retimed else {"ranges": ranges}
         if chosen is not None:
-            depth = heading_depth(evaluator, search.domain, ranges, chosen)
-            known["robust_radius"] = depth
+            known["robust_radius"] = heading_depth(evaluator, replace(again, ranges=ranges), chosen)
         return known
     samples = sample_attitudes(evaluator, search.samples or PLAN_ATTITUDES, search)
     known |= {"ranges": (), "segments": (), "map": samples}

@@ -15,8 +15,8 @@ from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
 from freefloat.planning.limits.screening import screen
 from freefloat.planning.limits.trials import Trials
-from freefloat.planning.objectives.objective import Comparison
-from freefloat.planning.objectives.objectives import LargestMargin
+from freefloat.planning.objective import Comparison
+from freefloat.planning.objectives import LargestMargin
 from freefloat.planning.plane.heading_map import HeadingMap
 from freefloat.planning.simulated_branch import SimulatedBranch, integrate_branch
 from freefloat.planning.space.attitude_map import AttitudeMap
@@ -58,7 +58,7 @@ def motion_within_limits(
     """
     trials = Trials(evaluator, limits)
     results, pairs = samples.results, trials.checker.pairs
-    compared = Comparison.of(LargestMargin(), None, limits, evaluator, results.margins)
+    compared = Comparison(LargestMargin(), None, limits, evaluator, results.margins)
     for candidate in screen(evaluator, results, compared, limits, pairs):
         progress(0.0)
         if candidate.violation is not None:

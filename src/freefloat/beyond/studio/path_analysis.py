@@ -22,15 +22,14 @@ from freefloat.concurrency import Progress
 from freefloat.io.scenario.scenario import Scenario
 from freefloat.limits.check import check_limits
 from freefloat.planning.evaluator import evaluator_for
-from freefloat.planning.objectives.objectives import Nearest
-from freefloat.planning.planar_planner import plan_in_plane
+from freefloat.planning.objectives import Nearest
+from freefloat.planning.path_planner import plan_attitude
 from freefloat.planning.plane.heading_map import HeadingMap
-from freefloat.planning.plane.heading_search import sample_headings
 from freefloat.planning.planner import plan
 from freefloat.planning.reasons import reach_message
 from freefloat.planning.simulated_branch import SimulatedBranch
 from freefloat.planning.space.attitude_map import AttitudeMap
-from freefloat.planning.space.mapping import sample_attitudes
+from freefloat.planning.space.mapping import sample_attitudes, sample_headings
 
 _ATTITUDES, _HEADINGS = (128, 1024, 8192), (120, 360)
 """Sizes of the maps of a scenario, one after another."""
@@ -91,7 +90,7 @@ class PathAnalysis(Analysis):
         samples, last = self.levels[self.level], self.level + 1 == len(self.levels)
         if self._problem.has_headings:
             headings = sample_headings(self._evaluator, samples, self._search, progress)
-            ranges = plan_in_plane(self._evaluator, self._search).ranges if last else None
+            ranges = plan_attitude(self._evaluator, self._search).ranges if last else None
             self._map, (content, reasons) = headings, dial(headings, ranges)
         else:
             attitudes = sample_attitudes(self._evaluator, samples, self._search, progress)

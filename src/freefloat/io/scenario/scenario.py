@@ -33,8 +33,8 @@ from freefloat.motion.problem import Problem
 from freefloat.paths.path_stack import PathStack
 from freefloat.paths.timed_path import TimedPath
 from freefloat.paths.timing import Timing
-from freefloat.planning.objectives.objective import Objective
-from freefloat.planning.objectives.objectives import objective_of
+from freefloat.planning.objective import Objective
+from freefloat.planning.objectives import objective_of
 from freefloat.planning.settings import Search
 from freefloat.robot.bundled import find_scenario
 from freefloat.robot.model import FreeFloatingModel

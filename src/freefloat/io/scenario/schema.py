@@ -25,7 +25,7 @@ from freefloat.io.scenario.robot_section import RobotSection
 from freefloat.io.scenario.scene_section import SceneSection
 from freefloat.io.scenario.timing_section import TimingSection
 from freefloat.kinds import SECTIONS, named
-from freefloat.planning.objectives.objectives import NAMED
+from freefloat.planning.objectives import NAMED
 from freefloat.planning.settings import FEWEST_SAMPLES
 
 GoalSection: Any = named(SECTIONS["goal"].section)

@@ -19,7 +19,7 @@ from freefloat.io.scenario.timing_section import timing_content
 from freefloat.kinds import SECTIONS, named
 from freefloat.limits.limits import Limits, limits_for
 from freefloat.motion.problem import Problem
-from freefloat.planning.objectives.objectives import NAMED, Weights
+from freefloat.planning.objectives import NAMED, Weights
 from freefloat.planning.settings import Search
 
 

@@ -15,15 +15,15 @@ from freefloat.limits.kinds.joint_rate import JointRateLimit
 from freefloat.limits.limits import Limits
 from freefloat.planning.candidates import ScreenedCandidate
 from freefloat.planning.evaluator import evaluator_near
+from freefloat.planning.headings import heading_depth
 from freefloat.planning.limits.screening import screen
 from freefloat.planning.limits.trials import PassedTrial, Trials
-from freefloat.planning.objectives.objective import Comparison
+from freefloat.planning.objective import Comparison
 from freefloat.planning.plan import Plan
-from freefloat.planning.planar_planner import heading_depth
 from freefloat.planning.reasons import margin_text, none_within_limits
 from freefloat.planning.settings import Search
 from freefloat.planning.simulated_branch import SimulatedBranch
-from freefloat.planning.space.attitude_tolerance import robust_radius
+from freefloat.planning.space.tolerances import robust_radius
 from freefloat.so3 import Array, rotated, rotation_vector_to
 
 _HEADINGS = 720
@@ -38,6 +38,8 @@ _NEAREST = 16
 _STRETCHED = 256
 """Attitudes from which longer motions are tried where no candidate is known to keep the limits."""
 _BISECTIONS = 10
+_AMONG = "among the samples that keep the limits"
+"""What an attitude is chosen from, in reasons."""
 _SAME_ATTITUDE = 1e-9
 """Angle below which attitudes are the same [rad]."""
 
@@ -91,7 +93,7 @@ def _first_passing(
     if present is not None:
         results = results.and_others(evaluator.evaluate(present[None]))
     margins = results.margins
-    compared = Comparison.of(search.objective, search.from_attitude, limits, evaluator, margins)
+    compared = Comparison(search.objective, search.from_attitude, limits, evaluator, margins)
     total = int(plan.problem.margin.keeps(margins).sum())
     refused: list[ScreenedCandidate] = []
     skipped: list[ScreenedCandidate] = []
@@ -131,7 +133,7 @@ def _has_spare(evaluator: FeasibilityEvaluator, plan: Plan, chosen: SimulatedBra
     spare = search.required_radius
     if not spare or not np.array_equal(attitude, np.asarray(search.present)):
         return True
-    depth = heading_depth_of(evaluator, plan, chosen)
+    depth = heading_depth(evaluator, plan, chosen)
     if depth is None:
         near = evaluator_near(evaluator, chosen.branch.joints)
         branch = None if plan.problem.redundant else chosen.branch.index
@@ -161,9 +163,11 @@ def _with_candidate(plan: Plan, trials: Trials, passed: PassedTrial) -> Plan:
         chosen=chosen,
         limit_results=results,
         excluded=dict(trials.violations),
-        robust_radius=heading_depth_of(trials.evaluator, plan, chosen),
+        robust_radius=heading_depth(trials.evaluator, plan, chosen),
     )
-    reason = search.objective.limited_reason(plan.deviation, margin_text(chosen.closest_approach))
+    reason = search.objective.limited_reason(
+        plan.deviation, _AMONG, margin_text(chosen.closest_approach)
+    )
     return replace(plan, reason=reason)
 
 
@@ -188,7 +192,7 @@ def _without_candidate(plan: Plan, trials: Trials) -> Plan:
         feasible=False,
         reason=none_within_limits(excluded, results, count, stretch, longer_tried),
         chosen=nearest,
-        robust_radius=heading_depth_of(trials.evaluator, plan, nearest),
+        robust_radius=heading_depth(trials.evaluator, plan, nearest),
         limit_results=results,
         excluded=excluded,
         needed_stretch=stretch,
@@ -200,15 +204,6 @@ def _attitudes(plan: Plan, count: int) -> Array:
     """Those of evenly spread headings, shape (count, 4)."""
     plane = plan.problem.plane
     return plane.attitudes(plan.search.domain.headings(count, plane))
-
-
-def heading_depth_of(
-    evaluator: FeasibilityEvaluator, plan: Plan, chosen: SimulatedBranch | None
-) -> float | None:
-    """Distance of a heading from the limits of its range [rad]; None for spatial tasks."""
-    if plan.map is not None or chosen is None:
-        return None
-    return heading_depth(evaluator, plan.search.domain, plan.ranges, chosen)
 
 
 def moved_nearer(

@@ -22,7 +22,7 @@ from freefloat.limits.kinds.joint_rate import JointRateLimit
 from freefloat.limits.limits import Limits
 from freefloat.motion.problem import Problem
 from freefloat.planning.candidates import ScreenedCandidate
-from freefloat.planning.objectives.objective import Comparison
+from freefloat.planning.objective import Comparison
 from freefloat.robot.joint_ranges import revolutions
 from freefloat.scene.scene_body import EndEffectorPoses
 from freefloat.so3 import Array, IntArray

@@ -2,69 +2,72 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
 from math import tau
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
+from freefloat.ensemble.result import EnsembleResult
 from freefloat.limits.limits import Limits
-from freefloat.planning.objectives.objective import Comparison
-from freefloat.planning.plane.arcs import HeadingRange
-from freefloat.planning.plane.heading_search import best_headings
+from freefloat.planning.candidates import Candidate, NearAttitude, WidestRange
+from freefloat.planning.objective import Comparison
+from freefloat.planning.plane.arcs import BranchRanges, HeadingRange
 from freefloat.planning.settings import Search
-from freefloat.so3 import IntArray, wrapped
+from freefloat.so3 import Array, IntArray, wrapped
 
 _INSIDE = 1e-6
 """Distance from the limit of a range to a heading chosen there [rad]."""
+_NEARBY = np.geomspace(1e-6, 0.5, 64)
+"""Angles to headings nearby that are tried where a redundant arm has no feasible start [rad]."""
+_TRIED = 24
+"""Headings tried in each range when the largest margin is searched for."""
+_PARTS, _TOP = 8, 4
+"""Finer steps around the peaks of a search, and how many of these are refined together."""
+_FINEST = 1e-7
+"""Accuracy of the heading of the largest margin [rad]."""
 
 
-@dataclass(frozen=True, eq=False)
 class RangeChoices:
-    """See :class:`~freefloat.planning.objectives.objective.HeadingChoices`.
+    """See :class:`~freefloat.planning.objective.Choices`."""
 
-    Attributes:
-        evaluator: Evaluator of the problem.
-        ranges: Numbers of arm branches, each with one of its ranges.
-        search: The search.
-        limits: Limits in addition to the margin.
-    """
+    def __init__(
+        self,
+        evaluator: FeasibilityEvaluator,
+        ranges: Sequence[BranchRanges],
+        search: Search,
+        limits: Limits | None,
+    ) -> None:
+        self._evaluator, self._search, self._limits = evaluator, search, limits
+        self._plane = evaluator.problem.plane
+        self._ranges = [(entry.branch, part) for entry in ranges for part in entry.ranges]
+        self.spare = search.spare
 
-    evaluator: FeasibilityEvaluator
-    ranges: list[tuple[int, HeadingRange]]
-    search: Search
-    limits: Limits | None
-
-    @property
-    def spare(self) -> float:
-        """Angle within which the margin is to be kept [rad]."""
-        return self.search.spare
-
-    def largest_margin(self) -> tuple[float, int]:
-        """Heading [rad] with the largest minimum margin, and its arm branch."""
+    def largest_margins(self) -> list[Candidate]:
+        """The heading with the largest minimum margin."""
         return self._best(None)
 
-    def largest_merit(self) -> tuple[float, int]:
-        """Heading [rad] with the largest merit, and its arm branch."""
-        search, evaluator = self.search, self.evaluator
-        margins, _ = best_headings(evaluator, self._ends, self._branches)
+    def largest_merits(self) -> list[Candidate]:
+        """The heading with the largest merit."""
+        search = self._search
+        margins, _ = self._best_headings(None)
         return self._best(
-            Comparison.of(search.objective, search.from_attitude, self.limits, evaluator, margins)
+            Comparison(
+                search.objective, search.from_attitude, self._limits, self._evaluator, margins
+            )
         )
 
-    def widest(self) -> tuple[float, int, float]:
-        """Middle [rad] of the widest range, its arm branch, and the width [rad]."""
-        branch, part = max(self.ranges, key=lambda pair: pair[1].width)
-        return part.middle, branch, part.width
+    def deepest(self) -> list[Candidate]:
+        """The middle of the widest range."""
+        branch, part = max(self._ranges, key=lambda pair: pair[1].width)
+        return [WidestRange(*self._start(part.middle, branch), part.width / 2.0)]
 
-    def nearest(self) -> tuple[float, int, float] | None:
-        """Heading [rad] nearest to ``from_attitude``, its arm branch, and the angle between [rad].
-
-        None where no range is wide enough for ``spare``.
-        """
-        present = self.evaluator.problem.plane.heading(np.asarray(self.search.from_attitude))
+    def nearest(self) -> list[Candidate]:
+        """The nearest heading in ranges that are wide enough for ``spare``."""
+        present = self._present
         choices = []
-        for branch, part in self.ranges:
+        for branch, part in self._ranges:
             if part.width < 2.0 * self.spare:
                 continue
             enough = part.depth(present) >= self.spare
@@ -72,30 +75,94 @@ class RangeChoices:
             for heading in headings:
                 deviation = abs(float(wrapped(heading - present)))
                 choices.append((heading % tau, branch, deviation))
-        return min(choices, key=lambda choice: choice[2], default=None)
+        if not choices:
+            return []
+        heading, branch, deviation = min(choices, key=lambda choice: choice[2])
+        return [NearAttitude(*self._start(heading, branch), deviation)]
 
-    def present(self) -> tuple[float, int] | None:
-        """Heading [rad] of ``from_attitude`` and an arm branch that keeps the margin there."""
-        heading = self.evaluator.problem.plane.heading(np.asarray(self.search.from_attitude))
-        depths = [(part.depth(heading), branch) for branch, part in self.ranges]
-        depth, branch = max(depths)
-        return (heading, branch) if depth >= 0.0 else None
-
-    @property
-    def _ends(self) -> list[tuple[float, float]]:
-        return [_inner_ends(part) for _, part in self.ranges]
+    def present(self) -> list[Candidate]:
+        """The present heading, where an arm branch keeps the margin."""
+        heading = self._present
+        depth, branch = max((part.depth(heading), branch) for branch, part in self._ranges)
+        return [NearAttitude(*self._start(heading, branch), 0.0)] if depth >= 0.0 else []
 
     @property
-    def _branches(self) -> IntArray:
-        return np.array([branch for branch, _ in self.ranges])
+    def _present(self) -> float:
+        return self._plane.heading(np.asarray(self._search.from_attitude))
 
-    def _best(self, merit: Comparison | None) -> tuple[float, int]:
-        merits, headings = best_headings(self.evaluator, self._ends, self._branches, merit)
+    def _best_headings(self, merit: Comparison | None) -> tuple[Array, Array]:
+        ends = [_inner_ends(part) for _, part in self._ranges]
+        branches = np.array([branch for branch, _ in self._ranges])
+        return best_headings(self._evaluator, ends, branches, merit)
+
+    def _best(self, merit: Comparison | None) -> list[Candidate]:
+        merits, headings = self._best_headings(merit)
         best = int(np.argmax(merits))
-        return float(headings[best]) % tau, self.ranges[best][0]
+        return [Candidate(*self._start(float(headings[best]) % tau, self._ranges[best][0]))]
+
+    def _start(self, heading: float, branch: int) -> tuple[Array, int | None]:
+        """The attitude of a heading [rad], and the arm branch.
+
+        Of a redundant arm the nearest heading at which a configuration of those tried is feasible.
+        """
+        if not self._evaluator.problem.redundant:
+            return self._plane.attitudes(heading), branch
+        nearby = heading + np.concatenate([[0.0], _NEARBY, -_NEARBY])
+        depths = [max(part.depth(h) for _, part in self._ranges) for h in nearby[1:].tolist()]
+        nearby = nearby[np.append(True, np.array(depths) > 0.0)]
+        attitudes = self._plane.attitudes(nearby)
+        feasible = np.flatnonzero(self._evaluator.keeps(attitudes, None)).tolist()
+        nearest = min(feasible, key=lambda k: abs(nearby[k] - heading), default=0)
+        return attitudes[nearest], None
 
 
 def _inner_ends(part: HeadingRange, inside: float = 0.0) -> tuple[float, float]:
     """Headings inside both limits of a range by an angle, or by a millionth of a radian."""
     inside = min(max(_INSIDE, inside), part.width / 2.0)
     return part.low + inside, part.high - inside
+
+
+def best_headings(
+    evaluator: FeasibilityEvaluator,
+    ranges: list[tuple[float, float]],
+    branches: IntArray,
+    merit: Callable[[Array, EnsembleResult], Array] | None = None,
+) -> tuple[Array, Array]:
+    """The largest merit in each of some ranges of heading, and its heading [rad], shape (R,).
+
+    All ranges are searched at once, on ever finer grids around the peaks of their merits.
+
+    Args:
+        evaluator: Evaluator of the problem.
+        ranges: First and last headings [rad].
+        branches: Number of the arm branch of each range; a redundant arm's best branch counts.
+        merit: Merit of motions; the minimum margin when left out.
+    """
+    grids = [np.linspace(low, high, _TRIED) for low, high in ranges]
+    spacing, steps = np.ptp(ranges, axis=1) / (_TRIED - 1), np.linspace(-1.0, 1.0, _PARTS + 1)
+    while True:
+        sizes = [len(grid) for grid in grids]
+        numbers = None if evaluator.problem.redundant else np.repeat(branches, sizes)
+        attitudes = evaluator.problem.plane.attitudes(np.concatenate(grids))
+        if merit is None:
+            values = evaluator.margins(attitudes, numbers)
+        else:
+            values = evaluator.largest(attitudes, numbers, merit)
+        margins = np.split(values, np.cumsum(sizes)[:-1])
+        if spacing.max() <= _FINEST:
+            break
+        for k, (low, high) in enumerate(ranges):
+            top = grids[k][_peaks(margins[k])[:_TOP]]
+            grids[k] = np.unique(np.clip(top[:, None] + spacing[k] * steps, low, high))
+        spacing *= 2.0 / _PARTS
+    best = [int(np.argmax(row)) for row in margins]
+    pick = zip(margins, grids, best, strict=True)
+    largest, headings = zip(*((row[i], grid[i]) for row, grid, i in pick), strict=True)
+    return np.array(largest), np.array(headings)
+
+
+def _peaks(values: Array) -> IntArray:
+    """Indices of values that no neighbour exceeds, the highest first."""
+    before, _, after = sliding_window_view(np.pad(values, 1, constant_values=-np.inf), len(values))
+    (peaks,) = np.nonzero((values >= before) & (values >= after))
+    return np.asarray(peaks[np.argsort(-values[peaks])])

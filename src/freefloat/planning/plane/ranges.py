@@ -7,18 +7,18 @@ at which the arm just reaches the path. Between neighbouring limits one motion d
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 from itertools import compress
 from math import tau
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 
 from freefloat.dynamics.joint_space import largest_measure
 from freefloat.ensemble.integrators import integrator_for
+from freefloat.errors import InputError
 from freefloat.motion.problem import Problem
-from freefloat.planning.domain import SearchDomain, branch_changes
 from freefloat.planning.plane.arcs import (
     MARGIN,
     REACH,
@@ -28,6 +28,7 @@ from freefloat.planning.plane.arcs import (
     arcs_between,
     branch_ranges,
 )
+from freefloat.planning.settings import SearchDomain, branch_changes
 from freefloat.planning.touching.planar_points import planar_touch_points
 from freefloat.planning.touching.touch_point import TouchPoint
 from freefloat.regions.planar_regions import PlanarArm, point_3_on_path
@@ -232,3 +233,43 @@ def reach_limits(problem: Problem, at: float) -> Iterator[float]:
         if abs(cosine) < 1.0:
             middle, half = np.angle(point) - np.angle(a), np.arccos(cosine)
             yield from (float((middle - half) % tau), float((middle + half) % tau))
+
+
+@dataclass(frozen=True, eq=False)
+class Segment:
+    """A part of the path between stops, considered alone as in the paper's Fig. 5.
+
+    Its headings consider the margin alone.
+
+    Attributes:
+        span: First and last time [s].
+        limits: Range limits: motions along the segment that are tangent to the margin.
+        at_start: Headings at its start from which the segment is feasible.
+        at_end: Headings at its end of these motions.
+        joined_at_end: Headings at its end of motions that are feasible along this segment and all
+            that follow.
+
+    Raises:
+        InputError: If the span is not two times, the second after the first.
+    """
+
+    span: Annotated[Span, "s"]
+    limits: tuple[RangeLimit, ...] = field(repr=False)
+    at_start: tuple[BranchRanges, ...] = field(repr=False)
+    at_end: tuple[BranchRanges, ...] = field(repr=False)
+    joined_at_end: tuple[BranchRanges, ...] = field(repr=False)
+
+    def __post_init__(self) -> None:
+        if len(self.span) != 2 or not self.span[0] < self.span[1]:
+            raise InputError("span", f"{self.span} s", "two times, the second after the first")
+
+    def to_dict(self) -> dict[str, Any]:
+        """The segment's JSON document."""
+        return {
+            "from": self.span[0],
+            "to": self.span[1],
+            "touch_points": [limit.to_dict(self.span) for limit in self.limits],
+            "ranges_at_start_deg": [entry.to_dict() for entry in self.at_start],
+            "ranges_at_end_deg": [entry.to_dict() for entry in self.at_end],
+            "joined_at_end_deg": [entry.to_dict() for entry in self.joined_at_end],
+        }

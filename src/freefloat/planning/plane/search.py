@@ -21,7 +21,6 @@ from freefloat.ensemble.result import EnsembleResult
 from freefloat.ik.branches import closed_form, searched_labels
 from freefloat.motion.pointing import AttitudeLimits
 from freefloat.motion.problem import Problem
-from freefloat.planning.domain import SearchDomain, branch_changes
 from freefloat.planning.plane.arcs import (
     MARGIN,
     REACH,
@@ -34,6 +33,7 @@ from freefloat.planning.plane.continuation import FollowedStarts
 from freefloat.planning.plane.ranges import reach_limits
 from freefloat.planning.searches.line_search import Function, LineSamples, resolved
 from freefloat.planning.searches.pattern_search import Flags
+from freefloat.planning.settings import SearchDomain, branch_changes
 from freefloat.regions.planar_regions import has_two_angle_form
 from freefloat.so3 import Array, IntArray, wrapped
 

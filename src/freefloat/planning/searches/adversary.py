@@ -14,9 +14,9 @@ import numpy as np
 
 from freefloat.attitude_grids import low_discrepancy, sphere_directions
 from freefloat.ensemble.feasibility import is_kept
+from freefloat.planning.candidates import SearchEffort
 from freefloat.planning.searches import pattern_search
 from freefloat.planning.searches.pattern_search import Searches, spread
-from freefloat.planning.tolerance import SearchEffort
 from freefloat.so3 import Array, IntArray, frozen
 
 _ON_SPHERE = 0.5

@@ -12,10 +12,9 @@ from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.ensemble.result import EnsembleResult
 from freefloat.limits.limits import Limits
 from freefloat.planning.candidates import Ball, Candidate, NearAttitude, Peak
-from freefloat.planning.objectives.objective import Comparison
+from freefloat.planning.objective import Comparison
 from freefloat.planning.settings import Search
 from freefloat.planning.space.attitude_map import AttitudeMap
-from freefloat.planning.space.attitude_tolerance import robust_radius
 from freefloat.planning.space.climbing import (
     climbed,
     feasible_peaks,
@@ -24,6 +23,7 @@ from freefloat.planning.space.climbing import (
 )
 from freefloat.planning.space.deepest_ball import deepest
 from freefloat.planning.space.nearest import nearest_with_spare
+from freefloat.planning.space.tolerances import robust_radius
 from freefloat.so3 import Array, angle_between
 
 _STARTS = 12
@@ -36,7 +36,7 @@ _FINE = 1e-4
 
 @dataclass(frozen=True, eq=False)
 class SampledChoices:
-    """See :class:`~freefloat.planning.objectives.objective.AttitudeChoices`."""
+    """See :class:`~freefloat.planning.objective.AttitudeChoices`."""
 
     evaluator: FeasibilityEvaluator
     samples: AttitudeMap
@@ -62,7 +62,7 @@ class SampledChoices:
     def largest_merits(self) -> Sequence[Candidate]:
         """Those with locally largest merits."""
         search, evaluator, margins = self.search, self.evaluator, self.samples.margins
-        compared = Comparison.of(
+        compared = Comparison(
             search.objective, search.from_attitude, self.limits, evaluator, margins
         )
         scored = best_by_merit(evaluator, self.samples, compared)

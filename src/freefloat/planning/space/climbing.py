@@ -10,17 +10,17 @@ from freefloat.attitude_grids import attitudes_within
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.motion.margin import keeps_threshold
 from freefloat.planning.candidates import Candidate, NearAttitude, Peak
-from freefloat.planning.domain import SearchDomain
-from freefloat.planning.searches.nearest_neighbours import nearest_among
 from freefloat.planning.searches.pattern_search import (
     ROUNDS,
     Clouds,
     Flags,
     Pattern,
     Searches,
+    nearest_among,
     pattern_search,
     shortest,
 )
+from freefloat.planning.settings import SearchDomain
 from freefloat.planning.space.attitude_map import AttitudeMap
 from freefloat.so3 import Array, IntArray, angle_between, rotated, rotation_vector_to
 
@@ -132,13 +132,6 @@ def is_unique(evaluator: FeasibilityEvaluator, best: Peak, domain: SearchDomain)
         return True
     differences = np.abs(evaluator.margins(others, best.branch) - best.minimum_margin)
     return bool((differences < _EQUAL * best.minimum_margin).mean() < _MANY)
-
-
-def best_branch(evaluator: FeasibilityEvaluator, attitude: Array) -> tuple[int, Array]:
-    """Number and initial joints of the arm branch with the largest margin at an attitude."""
-    results = evaluator.evaluate(attitude[None])
-    branch = int(np.argmax(results.margins[0]))
-    return branch, results.joints[0, branch]
 
 
 def climbed(

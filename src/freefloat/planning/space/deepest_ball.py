@@ -15,12 +15,18 @@ import numpy as np
 from freefloat.attitude_grids import even_directions
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.planning.candidates import Ball, BoundaryPoint
-from freefloat.planning.domain import SearchDomain
 from freefloat.planning.searches.adversary import CAUTION
-from freefloat.planning.searches.nearest_neighbours import depths, nearest_among
-from freefloat.planning.searches.pattern_search import Clouds, Searches, pattern_search, spread
+from freefloat.planning.searches.pattern_search import (
+    Clouds,
+    Searches,
+    depths,
+    nearest_among,
+    pattern_search,
+    spread,
+)
+from freefloat.planning.settings import SearchDomain
 from freefloat.planning.space.attitude_map import AttitudeMap
-from freefloat.planning.space.attitude_tolerance import NearbyAttitudes, confirmed, outside_within
+from freefloat.planning.space.tolerances import NearbyAttitudes, confirmed, outside_within
 from freefloat.so3 import Array, IntArray, angle_between, rotation_vector_to
 
 _ROUNDS = 16

@@ -24,12 +24,10 @@ from freefloat.motion.problem import Problem, require_problem
 from freefloat.planning.candidates import BoundaryPoint
 from freefloat.planning.evaluator import evaluator_for
 from freefloat.planning.plane.heading_map import HeadingMap
-from freefloat.planning.plane.heading_search import sample_headings
 from freefloat.planning.settings import FEWEST_SAMPLES, HEADINGS, Search
-from freefloat.planning.space.attitude_map import AttitudeMap
+from freefloat.planning.space.attitude_map import AttitudeMap, find_regions
 from freefloat.planning.space.climbing import EXACT, bisect, edge, feasible_peaks, nearest_feasible
 from freefloat.planning.space.deepest_ball import deepest
-from freefloat.planning.space.regions import find_regions
 from freefloat.planning.touching.touch_points import (
     boundary_attitude,
     require_touch_points,
@@ -147,6 +145,32 @@ def _require_none(**spatial: bool | int) -> None:
     for key, requested in spatial.items():
         if requested:
             raise InputError(key, "the task is planar", "a spatial task; freefloat plan has ranges")
+
+
+def sample_headings(
+    evaluator: FeasibilityEvaluator,
+    samples: int,
+    search: Search | None = None,
+    progress: Progress | None = None,
+) -> HeadingMap:
+    """Integrate the motions of every arm branch of a planar problem from evenly spread headings.
+
+    There are 8 or more; those of a search lie in its domain.
+
+    Raises:
+        InputError: If the samples are no such number.
+    """
+    samples = whole_number("samples", samples, FEWEST_SAMPLES)
+    evaluator.require_memory(samples)
+    search = search or Search()
+    headings = search.domain.headings(samples, evaluator.problem.plane)
+    attitudes = frozen(evaluator.problem.plane.attitudes(headings))
+    results = evaluator.evaluate(attitudes, progress=progress)
+    branches = np.flatnonzero(results.exist.any(axis=0))
+    numbers = tuple(branches.tolist())
+    return HeadingMap(
+        evaluator.problem, results.columns(branches), headings, numbers, search=search
+    )
 
 
 def sample_attitudes(

@@ -19,8 +19,8 @@ from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.planning.candidates import NearAttitude
 from freefloat.planning.searches.pattern_search import Clouds, Flags, Searches, pattern_search
 from freefloat.planning.space.attitude_map import AttitudeMap
-from freefloat.planning.space.attitude_tolerance import robust_radius
 from freefloat.planning.space.climbing import Inside, nearest_feasible
+from freefloat.planning.space.tolerances import robust_radius
 from freefloat.so3 import Array, IntArray, angle_between, rotated
 
 _NEAREST_SAMPLES = 4

@@ -11,13 +11,17 @@ from freefloat.concurrency import Progress
 from freefloat.errors import InputError, require_type
 from freefloat.limits.limits import Limits
 from freefloat.limits.result import needed_stretch
+from freefloat.motion.motion import Motion
 from freefloat.planning.limits.trials import OVER
 from freefloat.planning.plan import Plan
 from freefloat.planning.simulated_branch import SimulatedBranch
-from freefloat.planning.timing.agreement import agreeing_plan
+from freefloat.planning.timing.agreement import (
+    agreeing_plan,
+    with_speeds,
+    with_timing,
+    with_tolerances,
+)
 from freefloat.planning.timing.speed_profile import fastest_speeds, require_considered
-from freefloat.planning.timing.timed_plan import with_speeds, with_timing, with_tolerances
-from freefloat.planning.timing.usage import limit_usage
 
 _SLOWER, _SLOWDOWNS = 2.0, 16
 """Factor on the duration up to which a scene that tumbles may slow it down, and how many are tried;
@@ -119,3 +123,30 @@ def _retiming(result: Plan, plan: Plan, agrees: bool) -> Retiming:
     if result.chosen is not None and result.chosen.motion.completed:
         usage = limit_usage(result.chosen.motion, result.limits or Limits())
     return Retiming(result, plan.problem.path.duration, agrees, usage)
+
+
+_INSTANTS, _USED = 501, 0.99
+"""Instants at which the use of limits is looked at, and the ratio above which one is used."""
+
+
+def limit_usage(motion: Motion, limits: Limits) -> dict[str, float]:
+    """Fractions of the duration in which limits that are timed are used up to one percent."""
+    problem = motion.problem
+    law, times = motion.law, np.linspace(0.0, problem.path.duration, _INSTANTS)
+    effort = law.effort(times, *motion.evaluate(motion.coordinates_at(times))[1:])
+    accelerations = effort.accelerations[:, 6:]
+    of_joints = {
+        "joint_rate": effort.rates[:, 6:],
+        "joint_torque": effort.joint_torques,
+        "joint_acceleration": accelerations,
+        "joint_jerk": np.gradient(accelerations, times, axis=0),
+    }
+    ratios = {
+        name: (np.abs(values) / bound).max(axis=1)
+        for name, values in of_joints.items()
+        if (bound := getattr(limits, name)) is not None
+    }
+    if limits.base_rate is not None:
+        omega = np.linalg.norm(effort.rates[:, 3:6], axis=1)
+        ratios["base_rate"] = omega / limits.base_rate
+    return {name: float((ratio > _USED).mean()) for name, ratio in ratios.items()}

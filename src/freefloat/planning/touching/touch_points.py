@@ -12,9 +12,8 @@ from freefloat.motion.extrema import closest_approach
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.motion import Motion, State
 from freefloat.motion.problem import Problem
-from freefloat.planning.touching.end_points import end_points
 from freefloat.planning.touching.planar_points import planar_touch_points
-from freefloat.planning.touching.tangent_points import tangent_points
+from freefloat.planning.touching.spatial_points import end_points, tangent_points
 from freefloat.planning.touching.touch_point import TouchPoint, touches
 from freefloat.regions.planar_regions import has_two_angle_form
 

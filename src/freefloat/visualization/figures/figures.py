@@ -25,9 +25,9 @@ from freefloat.planning.margin_map import MarginMap
 from freefloat.planning.plan import Plan
 from freefloat.planning.plane.arcs import BranchRanges
 from freefloat.planning.plane.heading_map import HeadingMap
-from freefloat.planning.plane.heading_search import sample_headings
 from freefloat.planning.simulation import Simulation, simulate
 from freefloat.planning.space.attitude_map import AttitudeMap
+from freefloat.planning.space.mapping import sample_headings
 from freefloat.planning.touching.touch_points import motion_through
 from freefloat.regions.planar_regions import has_two_angle_form
 from freefloat.regions.workspace import Workspace, workspace_regions

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.motion.problem import Problem
 from freefloat.planning.candidates import Candidate
-from freefloat.planning.limits.violations import Violations
+from freefloat.planning.limits.trials import Violations
 from freefloat.planning.plan import Plan
 from freefloat.planning.settings import PLAN_ATTITUDES, Search
 from freefloat.planning.space.attitude_map import AttitudeMap

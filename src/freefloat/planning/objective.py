@@ -5,14 +5,14 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Protocol
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
 import numpy as np
 
 from freefloat.ensemble.result import EnsembleResult, is_regular
 from freefloat.errors import InputError
 from freefloat.limits.limits import Limits
-from freefloat.motion.problem import Problem
 from freefloat.planning.candidates import Candidate
 from freefloat.so3 import Array, angle_between
 
@@ -20,50 +20,12 @@ if TYPE_CHECKING:  # compiled kernels take half a second to import
     from freefloat.ensemble.feasibility import FeasibilityEvaluator
 
 
-class HeadingChoice(NamedTuple):
-    """A heading that an objective chooses in ranges of feasible ones.
+class Choices(Protocol):
+    """Candidates that an objective can choose, the best first.
 
-    Attributes:
-        heading: Heading [rad].
-        branch: Number of the arm branch.
-        reason: Why it was chosen.
-        states_margin: Whether the reason ends with the minimum margin.
+    In space they are refined from samples; in the plane there is one at most, the best of all
+    feasible ranges of heading.
     """
-
-    heading: float
-    branch: int
-    reason: str
-    states_margin: bool = False
-
-
-class HeadingChoices(Protocol):
-    """Headings that a planar objective can choose, each the best of all feasible ranges."""
-
-    def largest_margin(self) -> tuple[float, int]:
-        """Heading [rad] with the largest minimum margin, and its arm branch."""
-
-    def largest_merit(self) -> tuple[float, int]:
-        """Heading [rad] with the largest merit, and its arm branch."""
-
-    def widest(self) -> tuple[float, int, float]:
-        """Middle [rad] of the widest range, its arm branch, and the width [rad]."""
-
-    def nearest(self) -> tuple[float, int, float] | None:
-        """Heading [rad] nearest to ``from_attitude``, its arm branch, and the angle between [rad].
-
-        None where no range is wide enough for ``spare``.
-        """
-
-    def present(self) -> tuple[float, int] | None:
-        """Heading [rad] of ``from_attitude`` and an arm branch that keeps the margin there."""
-
-    @property
-    def spare(self) -> float:
-        """Angle within which the margin is to be kept [rad]."""
-
-
-class AttitudeChoices(Protocol):
-    """Attitudes that a spatial objective can choose, refined from samples, the best first."""
 
     def largest_margins(self) -> Sequence[Candidate]:
         """Those with locally largest minimum margins."""
@@ -78,7 +40,7 @@ class AttitudeChoices(Protocol):
         """Those nearest to ``from_attitude`` that keep the margin within ``spare``, if any."""
 
     def present(self) -> Sequence[Candidate]:
-        """``from_attitude`` itself, with the arm branches that keep the margin there, if any."""
+        """``from_attitude`` itself, with arm branches that keep the margin there, if any."""
 
     @property
     def spare(self) -> float:
@@ -126,25 +88,20 @@ class Objective(ABC):
         """Keys (K, B) that order motions when limits are screened, as for ``numpy.lexsort``."""
         return (-compared(attitudes, motions),)
 
-    def in_plane(self, choices: HeadingChoices) -> HeadingChoice:
-        """The heading that is chosen."""
-        return HeadingChoice(*choices.largest_merit(), self.criterion, states_margin=True)
-
-    def in_space(self, choices: AttitudeChoices) -> Sequence[Candidate]:
-        """The attitudes to try, the best first; none where no sample is feasible."""
+    def candidates(self, choices: Choices) -> Sequence[Candidate]:
+        """The attitudes to try, the best first; none where none is known to be feasible."""
         return choices.largest_merits() or choices.largest_margins()
 
     def reason(self, candidate: Candidate, spare: float, margin: str) -> str:
-        """Why an attitude in space was chosen; ``margin`` is the text of its minimum margin."""
+        """Why an attitude was chosen; ``margin`` is the text of its minimum margin."""
         return f"{self.criterion}, {margin}"
 
-    def limited_reason(self, deviation: float | None, margin: str) -> str:
-        """Why an attitude, at an angle [rad] from ``from_attitude``, was chosen for its limits."""
-        return f"{self.criterion} among the samples that keep the limits, {margin}"
+    def limited_reason(self, deviation: float | None, among: str, margin: str) -> str:
+        """Why an attitude was chosen ``among`` those that keep margin and limits.
 
-    def found_reason(self, deviation: float | None, margin: str) -> str:
-        """Why an attitude that was found where no sample keeps everything was chosen."""
-        return f"{self.criterion} of those found, {margin}"
+        It is at an angle [rad] from ``from_attitude``, where that is given.
+        """
+        return f"{self.criterion} {among}, {margin}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,43 +110,27 @@ class Comparison:
 
     Attributes:
         objective: The objective.
-        problem: Robot, path and margin.
-        largest_margin: Unit of the margins: the largest minimum margin that is known.
-        half_turn_bound: Cosine of half the evaluator's limit of the spacecraft's turn.
         present: Present attitude of the spacecraft, x, y, z, w, where it is known.
         limits: Limits in addition to the margin; None without.
+        evaluator: Evaluator of the motions.
+        margins: Minimum margins of some of them; the largest is the unit of margins.
     """
 
     objective: Objective
-    problem: Problem
-    largest_margin: float
-    half_turn_bound: float
     present: Array | None
     limits: Limits | None
+    evaluator: FeasibilityEvaluator
+    margins: Array
 
-    @classmethod
-    def of(
-        cls,
-        objective: Objective,
-        present: Array | None,
-        limits: Limits | None,
-        evaluator: FeasibilityEvaluator,
-        margins: Array,
-    ) -> Comparison:
-        """That of an evaluator's motions, with the margins of some of them as unit."""
-        return cls(
-            objective,
-            evaluator.problem,
-            float(margins.max(initial=0.0)) or 1.0,
-            float(np.cos((evaluator.limits.base_turn or np.pi) / 2.0)),
-            present,
-            limits,
-        )
+    @cached_property
+    def largest_margin(self) -> float:
+        """The largest minimum margin that is known; 1 without one."""
+        return float(self.margins.max(initial=0.0)) or 1.0
 
     @property
     def threshold(self) -> float:
         """Margin to be kept."""
-        return self.problem.margin.threshold
+        return self.evaluator.problem.margin.threshold
 
     def __call__(self, attitudes: Array, motions: EnsembleResult) -> Array:
         """The merits (K, B) of motions from attitudes (K, 4).
@@ -208,7 +149,7 @@ class Comparison:
 
     def turns(self, motions: EnsembleResult) -> Array:
         """Largest turns of the spacecraft along motions [rad]."""
-        half = motions.slacks[..., -1] + self.half_turn_bound
+        half = motions.slacks[..., -1] + np.cos((self.evaluator.limits.base_turn or np.pi) / 2.0)
         return np.asarray(2.0 * np.arccos(np.clip(half, -1.0, 1.0)))
 
     def durations(self, motions: EnsembleResult, key: str) -> Array:

@@ -9,15 +9,9 @@ import numpy as np
 
 from freefloat.ensemble.result import EnsembleResult
 from freefloat.errors import InputError, did_you_mean, finite_number
-from freefloat.planning.candidates import Ball, Candidate, NearAttitude
-from freefloat.planning.objectives.objective import (
-    AttitudeChoices,
-    Comparison,
-    HeadingChoice,
-    HeadingChoices,
-    Objective,
-)
-from freefloat.planning.searches.nearest_neighbours import depths
+from freefloat.planning.candidates import Ball, Candidate, NearAttitude, WidestRange
+from freefloat.planning.objective import Choices, Comparison, Objective
+from freefloat.planning.searches.pattern_search import depths
 from freefloat.so3 import Array
 
 _SAME_ATTITUDE = 1e-9
@@ -35,17 +29,7 @@ class LargestMargin(Objective):
         """See :class:`Objective`."""
         return motions.minimum
 
-    def ranks(
-        self, compared: Comparison, attitudes: Array, motions: EnsembleResult
-    ) -> tuple[Array, ...]:
-        """See :class:`Objective`."""
-        return (-self.merits(compared, attitudes, motions),)
-
-    def in_plane(self, choices: HeadingChoices) -> HeadingChoice:
-        """See :class:`Objective`."""
-        return HeadingChoice(*choices.largest_margin(), self.criterion, states_margin=True)
-
-    def in_space(self, choices: AttitudeChoices) -> Sequence[Candidate]:
+    def candidates(self, choices: Choices) -> Sequence[Candidate]:
         """See :class:`Objective`."""
         return choices.largest_margins()
 
@@ -68,18 +52,7 @@ class Nearest(Objective):
         """By the angle, then by the margin."""
         return -motions.minimum, -self.merits(compared, attitudes, motions)
 
-    def in_plane(self, choices: HeadingChoices) -> HeadingChoice:
-        """The nearest heading deep enough inside a range; else the present one, or the deepest."""
-        found = choices.nearest()
-        if found is None and (present := choices.present()) is not None:
-            return HeadingChoice(*present, _nearest(0.0, choices.spare))
-        if found is None:
-            middle, branch, width = choices.widest()
-            return HeadingChoice(middle, branch, _too_narrow(choices.spare, width / 2.0))
-        heading, branch, deviation = found
-        return HeadingChoice(heading, branch, _nearest(deviation, choices.spare))
-
-    def in_space(self, choices: AttitudeChoices) -> Sequence[Candidate]:
+    def candidates(self, choices: Choices) -> Sequence[Candidate]:
         """The nearest attitudes; where none has enough around it the present or the deepest."""
         found = choices.nearest()
         return found if found or not choices.spare else choices.present() or choices.deepest()
@@ -93,15 +66,11 @@ class Nearest(Objective):
                 return _nearest(deviation, spare)
         return super().reason(candidate, spare, margin)
 
-    def limited_reason(self, deviation: float | None, margin: str) -> str:
+    def limited_reason(self, deviation: float | None, among: str, margin: str) -> str:
         """See :class:`Objective`."""
         if not deviation or deviation < _SAME_ATTITUDE:
             return "the attitude the spacecraft has keeps margin and limits already"
         return f"the nearest found that keeps the limits, {np.degrees(deviation):.4g} degrees away"
-
-    def found_reason(self, deviation: float | None, margin: str) -> str:
-        """See :class:`Objective`."""
-        return self.limited_reason(deviation, margin)
 
 
 @dataclass(frozen=True)
@@ -117,26 +86,18 @@ class Robust(Objective):
         feasible = motions.keeps(compared.threshold)
         return np.column_stack([depths(attitudes, column) for column in feasible.T])
 
-    def ranks(
-        self, compared: Comparison, attitudes: Array, motions: EnsembleResult
-    ) -> tuple[Array, ...]:
-        """See :class:`Objective`."""
-        return (-self.merits(compared, attitudes, motions),)
-
-    def in_plane(self, choices: HeadingChoices) -> HeadingChoice:
-        """See :class:`Objective`."""
-        middle, branch, width = choices.widest()
-        reason = f"the middle of the widest range, {np.degrees(width):.4g} degrees wide"
-        return HeadingChoice(middle, branch, reason)
-
-    def in_space(self, choices: AttitudeChoices) -> Sequence[Candidate]:
+    def candidates(self, choices: Choices) -> Sequence[Candidate]:
         """See :class:`Objective`."""
         return choices.deepest()
 
     def reason(self, candidate: Candidate, spare: float, margin: str) -> str:
         """See :class:`Objective`."""
-        if isinstance(candidate, Ball):
-            return _deepest(candidate)
+        match candidate:
+            case WidestRange(radius=radius):
+                width = np.degrees(2.0 * radius)
+                return f"the middle of the widest range, {width:.4g} degrees wide"
+            case Ball():
+                return _deepest(candidate)
         return super().reason(candidate, spare, margin)
 
 

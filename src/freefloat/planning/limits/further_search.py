@@ -19,13 +19,18 @@ from freefloat.ensemble.result import EnsembleResult
 from freefloat.limits.kinds.corridor import CorridorLimit
 from freefloat.limits.limits import Limits
 from freefloat.planning.candidates import Candidate, ScreenedCandidate
-from freefloat.planning.further_starts import SearchStarts, starts_of
-from freefloat.planning.limits.keeping import heading_depth_of, moved_nearer
-from freefloat.planning.limits.trials import PassedTrial, Trials
-from freefloat.planning.limits.violations import COMPARED, Violations, largest_violation
-from freefloat.planning.objectives.objective import Comparison
+from freefloat.planning.headings import heading_depth, ranges_containing
+from freefloat.planning.limits.further_starts import SearchStarts, starts_of
+from freefloat.planning.limits.keeping import moved_nearer
+from freefloat.planning.limits.trials import (
+    COMPARED,
+    PassedTrial,
+    Trials,
+    Violations,
+    largest_violation,
+)
+from freefloat.planning.objective import Comparison
 from freefloat.planning.plan import Plan
-from freefloat.planning.planar_planner import ranges_containing
 from freefloat.planning.reasons import found_further, margin_text, none_further, reach_message
 from freefloat.planning.searches.pattern_search import Clouds, Pattern, Turns
 from freefloat.planning.simulated_branch import integrate_branch, integrate_from
@@ -78,7 +83,7 @@ class _FurtherSearch:
         self._problem = plan.problem
         self._violations = Violations(evaluator, limits)
         self._trials = Trials(evaluator, limits)
-        self._compared = Comparison.of(
+        self._compared = Comparison(
             plan.search.objective, plan.search.from_attitude, limits, evaluator, _margins(plan)
         )
         self._pattern: Pattern = Clouds()
@@ -245,9 +250,9 @@ class _FurtherSearch:
         )  # fmt: skip
         if plan.map is None:
             plan = replace(plan, ranges=ranges_containing(self._evaluator, plan, chosen))
-        plan = replace(plan, robust_radius=heading_depth_of(self._evaluator, plan, chosen))
+        plan = replace(plan, robust_radius=heading_depth(self._evaluator, plan, chosen))
         objective, margin = self._search.objective, margin_text(chosen.closest_approach)
-        reason = objective.found_reason(plan.deviation, margin)
+        reason = objective.limited_reason(plan.deviation, "of those found", margin)
         return replace(plan, reason=found_further(reason))
 
     def without_candidate(self) -> Plan:

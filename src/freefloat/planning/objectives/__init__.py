@@ -1,1 +1,0 @@
-"""What a search makes as large, or as small, as possible."""
