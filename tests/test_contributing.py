@@ -164,7 +164,7 @@ speeds = np.linalg.norm(np.subtract(*positions), axis=1) / 2e-4
 assert abs(limit(found["phases"][-1]["limits"])["worst"] - speeds.max()) < 1e-5
 """,
     "objective": """
-from freefloat.planning.simulated_branch import integrate_branch
+from freefloat.planning.motions import integrate_branch
 
 def ratio(motion):
     (rate,) = (r for r in ff.check_limits(motion, rates) if r.limit == "joint_rate")

@@ -19,8 +19,7 @@ from freefloat.io.formats.trajectory import Trajectory
 from freefloat.motion.motion import Motion
 from freefloat.planning.plane.arcs import BranchRanges
 from freefloat.planning.plane.ranges import find_range_limits
-from freefloat.planning.touching.touch_point import TouchKind
-from freefloat.planning.touching.touch_points import motion_through
+from freefloat.planning.touching.touch_point import TouchKind, motion_through
 from freefloat.regions.planar_regions import PlanarArm, point_3_on_path
 from freefloat.regions.workspace import workspace_regions
 from freefloat.so3 import Array

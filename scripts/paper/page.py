@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 import freefloat as ff
-from freefloat.planning.simulated_branch import SimulatedBranch
+from freefloat.planning.motions import SimulatedBranch
 from paper.equations import EQUATIONS, link
 from paper.examples import INITIAL_ATTITUDE, example_1, example_2, limits, plan_of_example_1
 from paper.figures import DESCRIPTIONS, spatial_motion

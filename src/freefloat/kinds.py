@@ -158,7 +158,7 @@ RESULT_KINDS = {
         "studies.values:attitude_map_values",
     ),
     "map": ResultKind(
-        "planning.plane.heading_map:HeadingMap",
+        "planning.margin_map:HeadingMap",
         "visualization.figures.figures:heading_map_figures",
         "visualization.scenes.heading_scene:heading_scene",
         "verification.margin_maps:map_report",

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 import freefloat as ff
 from freefloat.ensemble.many_motions import ManyMotions
 from freefloat.motion.problem import Problem
-from freefloat.planning.simulated_branch import SimulatedBranch
+from freefloat.planning.motions import SimulatedBranch
 from tests.errors import error_key
 
 pytestmark = pytest.mark.usefixtures("kernels")

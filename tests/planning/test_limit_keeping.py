@@ -9,11 +9,10 @@ import pytest
 
 import freefloat as ff
 from freefloat.limits.result import rounded_up
-from freefloat.planning.evaluator import evaluator_for
 from freefloat.planning.limits import keeping as limit_keeping
 from freefloat.planning.limits.keeping import keep_limits
+from freefloat.planning.motions import evaluator_for, integrate_branch
 from freefloat.planning.plan import Plan
-from freefloat.planning.simulated_branch import integrate_branch
 from freefloat.planning.space.mapping import sample_attitudes
 from freefloat.so3 import heading_quaternion
 from tests.motions import bundled

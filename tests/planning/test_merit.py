@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import freefloat as ff
-from freefloat.planning.simulated_branch import integrate_branch
+from freefloat.planning.motions import integrate_branch
 from freefloat.so3 import angle_between, heading_quaternion
 from tests.errors import error_key
 

@@ -9,7 +9,7 @@ import pytest
 import freefloat as ff
 from freefloat.motion.margin import keeps_threshold
 from freefloat.planning import headings
-from freefloat.planning.evaluator import evaluator_for
+from freefloat.planning.motions import evaluator_for
 from freefloat.planning.plane.search import searched_ranges
 from freefloat.planning.space.mapping import sample_headings
 from freefloat.so3 import heading_quaternion

@@ -11,9 +11,9 @@ import freefloat as ff
 from freefloat.attitude_grids import attitude_grid
 from freefloat.planning.space import climbing as attitude_search
 from freefloat.planning.space.attitude_map import AttitudeMap
+from freefloat.planning.space.choices import nearest_with_spare
 from freefloat.planning.space.climbing import largest_margins, nearest_feasible
 from freefloat.planning.space.deepest_ball import deepest
-from freefloat.planning.space.nearest import nearest_with_spare
 from freefloat.planning.space.tolerances import robust_radius
 from freefloat.so3 import angle_between, rotated
 from tests.maps import branch_results

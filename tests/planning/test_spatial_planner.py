@@ -12,12 +12,11 @@ import freefloat as ff
 from freefloat.attitude_grids import attitudes_within
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.motion.margin import keeps_threshold
-from freefloat.planning.evaluator import evaluator_for
+from freefloat.planning.motions import SimulatedBranch, evaluator_for
 from freefloat.planning.objectives import NAMED
 from freefloat.planning.path_planner import plan_attitude
 from freefloat.planning.plan import Plan
 from freefloat.planning.reasons import NOT_UNIQUE
-from freefloat.planning.simulated_branch import SimulatedBranch
 from freefloat.so3 import angle_between, frozen
 from tests.motions import bundled
 

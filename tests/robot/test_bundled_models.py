@@ -12,8 +12,8 @@ import trimesh
 import yourdfpy
 
 import freefloat as ff
-from freefloat.planning.evaluator import evaluator_for
 from freefloat.planning.limits.keeping import keep_limits
+from freefloat.planning.motions import evaluator_for
 from freefloat.planning.path_planner import plan_attitude
 from freefloat.robot.bundled import bundled_robots, find_robot
 

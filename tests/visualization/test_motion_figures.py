@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 import freefloat as ff
 from freefloat.io.formats.trajectory import Trajectory
-from freefloat.planning.simulated_branch import SimulatedBranch
+from freefloat.planning.motions import SimulatedBranch
 from freefloat.so3 import heading_quaternion
 from freefloat.visualization.figure_style import PALE, VERMILION, axis_label
 from freefloat.visualization.figures.comparison_figure import comparison_figure

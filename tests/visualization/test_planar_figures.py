@@ -7,8 +7,8 @@ import pytest
 
 import freefloat as ff
 from freefloat.motion.motion import Motion
+from freefloat.planning.margin_map import HeadingMap
 from freefloat.planning.plane.arcs import BranchRanges, HeadingRange
-from freefloat.planning.plane.heading_map import HeadingMap
 from freefloat.regions.planar_regions import PlanarArm, two_angles
 from freefloat.so3 import heading_quaternion
 from freefloat.visualization.figure_style import GREEN

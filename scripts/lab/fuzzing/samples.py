@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 import freefloat as ff
-from freefloat.planning.plane.heading_map import HeadingMap
+from freefloat.planning.margin_map import HeadingMap
 from freefloat.planning.space.attitude_map import AttitudeMap
 from freefloat.so3 import heading_quaternion
 from tests.maps import branch_results

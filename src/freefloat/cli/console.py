@@ -25,8 +25,8 @@ if TYPE_CHECKING:  # the command line shows its help without NumPy
     from freefloat.limits.result import LimitResult
     from freefloat.motion.problem import Problem
     from freefloat.planning.answer import Answer
+    from freefloat.planning.motions import SimulatedBranch
     from freefloat.planning.settings import Search
-    from freefloat.planning.simulated_branch import SimulatedBranch
     from freefloat.so3 import Array
 
 DONE = 0

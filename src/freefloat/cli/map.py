@@ -28,7 +28,7 @@ from freefloat.ik.labels import short_label
 
 if TYPE_CHECKING:
     from freefloat.planning.candidates import Candidate
-    from freefloat.planning.plane.heading_map import HeadingMap
+    from freefloat.planning.margin_map import HeadingMap
     from freefloat.planning.space.attitude_map import AttitudeMap
 
 _MAX_REGIONS = 12

@@ -35,7 +35,7 @@ from freefloat.errors import InputError
 from freefloat.ik.labels import short_label
 
 if TYPE_CHECKING:
-    from freefloat.planning.simulated_branch import SimulatedBranch
+    from freefloat.planning.motions import SimulatedBranch
     from freefloat.planning.simulation import Simulation
 
 _Heading = Annotated[

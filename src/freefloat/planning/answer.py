@@ -14,7 +14,7 @@ from freefloat.motion.problem import Problem
 from freefloat.so3 import Array, frozen, zeros
 
 if TYPE_CHECKING:
-    from freefloat.planning.simulated_branch import SimulatedBranch
+    from freefloat.planning.motions import SimulatedBranch
 
 
 class Finding(Protocol):

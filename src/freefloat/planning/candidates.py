@@ -51,6 +51,13 @@ class Peak(Candidate):
 
 
 @dataclass(frozen=True, eq=False)
+class ScoredAttitude(Candidate):
+    """An attitude with its merit."""
+
+    merit: float
+
+
+@dataclass(frozen=True, eq=False)
 class Ball(Candidate):
     """The centre of a ball of feasible attitudes, and its radius [rad]."""
 

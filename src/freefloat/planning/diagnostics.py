@@ -10,18 +10,16 @@ from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.motion.problem import Problem
 from freefloat.motion.singularity import SingularEvent, singular_event
 from freefloat.planning.candidates import Candidate
-from freefloat.planning.evaluator import best_branch
+from freefloat.planning.motions import SimulatedBranch, best_branch, integrate_branch
 from freefloat.planning.reasons import (
     ending_fractions,
     light_spacecraft_hint,
     none_completes,
-    not_confirmed,
     point_text,
     reach_message,
     unreached_start_message,
 )
 from freefloat.planning.settings import HEADINGS, Search
-from freefloat.planning.simulated_branch import SimulatedBranch, integrate_branch
 from freefloat.planning.space.attitude_map import AttitudeMap
 from freefloat.planning.space.climbing import largest_margins
 from freefloat.regions.planar_regions import PlanarArm, most_singular_place, point_3_of_pose
@@ -39,7 +37,10 @@ def disagreement_message(
 ) -> str:
     """Which candidate keeps the margin as a compiled motion, but not as the precise one."""
     attitude = np.round(precise.motion.initial.attitude, 6).tolist()
-    return not_confirmed(f"attitude {attitude}, {_arm(evaluator, candidate)}", precise.verdict())
+    return (
+        f"attitude {attitude}, {_arm(evaluator, candidate)}: compiled motions keep the margin, but "
+        f"{precise.verdict()} along the precise one"
+    )
 
 
 def no_feasible_attitude_message(evaluator: FeasibilityEvaluator, samples: AttitudeMap) -> str:

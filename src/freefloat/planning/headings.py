@@ -25,7 +25,7 @@ from freefloat.limits.check import attitude_limits
 from freefloat.limits.result import LimitResult
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.problem import Problem
-from freefloat.planning.evaluator import evaluator_near
+from freefloat.planning.motions import SimulatedBranch, evaluator_near
 from freefloat.planning.plan import Plan
 from freefloat.planning.plane.arcs import (
     BranchRanges,
@@ -39,7 +39,6 @@ from freefloat.planning.plane.search import depth_of_start, searched_ranges
 from freefloat.planning.searches.line_search import LineSamples, resolved
 from freefloat.planning.searches.pattern_search import Flags
 from freefloat.planning.settings import HEADINGS, Search, SearchDomain
-from freefloat.planning.simulated_branch import SimulatedBranch
 from freefloat.regions.planar_regions import has_two_angle_form
 from freefloat.so3 import Array, IntArray
 

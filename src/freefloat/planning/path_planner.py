@@ -11,29 +11,28 @@ from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.limits.contact import deepest_contact
 from freefloat.limits.limits import Limits
 from freefloat.motion.problem import Problem
-from freefloat.planning.candidates import (
-    Ball,
-    Candidate,
-    NearAttitude,
-    Peak,
-    ScreenedCandidate,
-)
+from freefloat.planning.candidates import Ball, Candidate, NearAttitude, Peak, ScreenedCandidate
 from freefloat.planning.diagnostics import (
     disagreement_message,
     infeasible_distance_message,
     no_feasible_attitude_message,
     no_feasible_heading_message,
 )
-from freefloat.planning.evaluator import best_branch, evaluator_for, evaluator_near
 from freefloat.planning.headings import feasible_ranges, has_exact_ranges, heading_depth
 from freefloat.planning.limits.further_search import searched_further
 from freefloat.planning.limits.keeping import keep_limits
 from freefloat.planning.limits.trials import OVER, PassedTrial
+from freefloat.planning.motions import (
+    SimulatedBranch,
+    best_branch,
+    evaluator_for,
+    evaluator_near,
+    integrate_branch,
+)
 from freefloat.planning.plan import Plan
 from freefloat.planning.plane.choices import RangeChoices
 from freefloat.planning.reasons import HELD, NOT_UNIQUE, margin_text
 from freefloat.planning.settings import PLAN_ATTITUDES, Search
-from freefloat.planning.simulated_branch import SimulatedBranch, integrate_branch
 from freefloat.planning.space.choices import SampledChoices
 from freefloat.planning.space.climbing import is_unique
 from freefloat.planning.space.mapping import sample_attitudes

@@ -16,10 +16,10 @@ from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
 from freefloat.planning.answer import Answer, PhaseResult
 from freefloat.planning.candidates import ScreenedCandidate, SearchEffort, Tolerance
+from freefloat.planning.motions import SimulatedBranch
 from freefloat.planning.plane.arcs import BranchRanges, covered_angle
 from freefloat.planning.plane.ranges import Segment
 from freefloat.planning.settings import Search
-from freefloat.planning.simulated_branch import SimulatedBranch
 from freefloat.planning.space.attitude_map import AttitudeMap
 from freefloat.so3 import angle_between, degrees
 

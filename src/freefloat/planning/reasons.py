@@ -5,7 +5,7 @@ The sentences are made of values; what finds those values is in the modules that
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -17,8 +17,7 @@ from freefloat.dynamics.measures import measure_title
 from freefloat.dynamics.plane import Plane
 from freefloat.ensemble.endings import COMPLETED, FAILED, LIMITED, SINGULAR, UNREACHED
 from freefloat.errors import InputError, UnreachableError
-from freefloat.limits.kinds.corridor import CorridorLimit
-from freefloat.limits.result import LimitResult, all_violations, rounded_up, violated
+from freefloat.limits.result import LimitResult, all_violations, violated
 from freefloat.motion.extrema import ClosestApproach
 from freefloat.motion.motion import Ending, Motion
 from freefloat.motion.problem import Problem
@@ -107,9 +106,7 @@ _CELLS = {
 
 
 def verdict_on(
-    motion: Motion,
-    results: Iterable[LimitResult] = (),
-    approach: ClosestApproach | None = None,
+    motion: Motion, results: Iterable[LimitResult] = (), approach: ClosestApproach | None = None
 ) -> Verdict:
     """The verdict on a motion.
 
@@ -214,11 +211,6 @@ def margin_text(approach: ClosestApproach) -> str:
     return f"{measure_title(approach.measure)} {approach.value:.6g}"
 
 
-def not_confirmed(chosen: str, verdict: Verdict) -> str:
-    """That compiled motions keep the margin, but not the precise one."""
-    return f"{chosen}: compiled motions keep the margin, but {verdict} along the precise one"
-
-
 def none_completes(
     tried: str, endings: npt.NDArray[np.int8], last: SingularEvent | None = None
 ) -> str:
@@ -255,60 +247,6 @@ def ending_fractions(endings: npt.NDArray[np.int8], last: SingularEvent | None =
         f"{100.0 * fraction:.3g} % {text}"
         for fraction, text in zip(fractions.tolist(), words.values(), strict=True)
         if fraction > 0.0
-    )
-
-
-def none_within_limits(
-    violations: Mapping[str, int],
-    results: Iterable[LimitResult],
-    count: int,
-    stretch: float | None,
-    longer_tried: bool,
-) -> str:
-    """That no candidate keeps the limits.
-
-    Args:
-        violations: How many candidates violate which limit first, the most frequent one first.
-        results: Limits along the motion of the candidate that comes nearest to keeping them.
-        count: Number of precise motions.
-        stretch: A factor on the duration that would be enough, where one is known.
-        longer_tried: Whether longer durations were tried.
-    """
-    violating = violated(results)
-    for result in violating:
-        if result.limit == CorridorLimit.name:  # which the path alone decides
-            return (
-                f"the path itself leaves the corridor at t = {result.time:.4g} s, "
-                f"{result.sentence}; no attitude helps"
-            )
-    total = sum(violations.values())
-    counts = ", ".join(f"{name} {number}" for name, number in violations.items())
-    reason = f"attitudes keep the margin, but none of {total:,} tried keeps the limits: {counts}"
-    worst = max(violating, key=lambda result: result.ratio, default=None)
-    if worst is not None:
-        reason += f"; in the best of {count} integrated precisely {all_violations([worst])}"
-    if stretch is not None:
-        return f"{reason}; {rounded_up(stretch):.4g} times the duration suffices"
-    return f"{reason}; none of the longer durations tried suffices" if longer_tried else reason
-
-
-def found_further(reason: str) -> str:
-    """Why an attitude is chosen where no candidate keeps margin and limits."""
-    return f"{reason}; none of the samples tried keeps margin and limits"
-
-
-def none_further(reason: str, attitudes: int, present: bool) -> str:
-    """That there is none for a reason, nor among further attitudes.
-
-    Args:
-        reason: The reason.
-        attitudes: Number of further attitudes.
-        present: Whether the present one is among them.
-    """
-    own = "the attitude the spacecraft has and " if present else ""
-    return (
-        f"{reason}; {own}{attitudes:,} further attitudes, with those nearby that violate the "
-        "least, were tried, too"
     )
 
 

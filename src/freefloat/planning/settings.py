@@ -13,13 +13,7 @@ import numpy.typing as npt
 
 from freefloat.attitude_grids import attitude_grid, attitudes_within, ball_fraction, grid_spacing
 from freefloat.dynamics.plane import Plane
-from freefloat.errors import (
-    InputError,
-    finite_number,
-    number_array,
-    seed_number,
-    whole_number,
-)
+from freefloat.errors import InputError, finite_number, number_array, seed_number, whole_number
 from freefloat.motion.problem import Problem
 from freefloat.planning.objective import Objective
 from freefloat.planning.objectives import NAMED, objective_of

@@ -17,8 +17,8 @@ from freefloat.limits.result import LimitResult, violated
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem, require_problem
 from freefloat.planning.answer import Answer, PhaseResult
+from freefloat.planning.motions import SimulatedBranch, integrate_from
 from freefloat.planning.reasons import Verdict, reach_message, unreachable
-from freefloat.planning.simulated_branch import SimulatedBranch, integrate_from
 from freefloat.so3 import Array
 
 
@@ -152,19 +152,6 @@ def simulate(
     contact = deepest_contact(chosen.motion, results)
     verdicts = {entry.branch.index: entry.verdict(results) for entry, results in checked if results}
     return Simulation(tuple(simulated), chosen, limits, results, contact, verdicts)
-
-
-def chosen_joints(problem: Problem, attitude: Array, joints: Array | None) -> Array:
-    """Initial joint values of the motion that :func:`simulate` chooses, shape (n,).
-
-    Arguments and errors are those of :func:`simulate`; contact is not searched for.
-    """
-    limits = limits_for(problem, None)
-    checker = None if limits is None else LimitChecker(problem, limits)
-    branches, requested = _branches(problem, attitude, None, joints)
-    starts = branches if requested is None else [requested]
-    simulated = _ranked([integrate_from(problem, attitude, start) for start in starts])
-    return _within_limits(simulated, checker)[0][0].branch.joints
 
 
 def _branches(

@@ -10,7 +10,7 @@ from typing import Any
 
 from freefloat.errors import InputError, UnreachableError, finite_number
 from freefloat.motion.problem import Problem
-from freefloat.planning.simulation import chosen_joints, simulate
+from freefloat.planning.simulation import simulate
 from freefloat.so3 import Array
 from freefloat.studies.document import scenario_from
 from freefloat.studies.study import Command
@@ -77,7 +77,7 @@ def _undisturbed_joints(base: str, source: Path, attitude: tuple[float, ...]) ->
     problem = scenario.problem()
     near = scenario.search().applied_to(problem).closest_start(attitude)
     try:
-        return chosen_joints(problem, problem.attitude(attitude), near)
+        return simulate(problem, attitude, joints=near).chosen.branch.joints
     except UnreachableError as error:
         reason = f"the unvaried scenario has no motion: {error.problem}"
         accepted = "branch: best, or the number of an arm branch"

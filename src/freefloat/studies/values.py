@@ -17,9 +17,9 @@ from freefloat.limits.result import LimitResult, violated
 from freefloat.motion.extrema import joint_extents, maximum
 from freefloat.motion.motion import Ending
 from freefloat.planning.answer import Answer
+from freefloat.planning.margin_map import HeadingMap
+from freefloat.planning.motions import SimulatedBranch
 from freefloat.planning.plan import Plan
-from freefloat.planning.plane.heading_map import HeadingMap
-from freefloat.planning.simulated_branch import SimulatedBranch
 from freefloat.planning.simulation import Simulation
 from freefloat.planning.space.attitude_map import AttitudeMap
 from freefloat.robot.joint_ranges import range_ratios

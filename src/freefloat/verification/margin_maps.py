@@ -13,8 +13,8 @@ from freefloat.ensemble.result import BranchResults, EnsembleResult
 from freefloat.errors import InputError
 from freefloat.paths.time_laws import TimeLaw
 from freefloat.planning.candidates import Peak
-from freefloat.planning.evaluator import evaluator_for
-from freefloat.planning.plane.heading_map import HeadingMap
+from freefloat.planning.margin_map import HeadingMap
+from freefloat.planning.motions import evaluator_for
 from freefloat.planning.space.attitude_map import AttitudeMap
 from freefloat.planning.space.mapping import attitude_map
 from freefloat.records import Known, Origin

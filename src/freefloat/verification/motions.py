@@ -23,7 +23,7 @@ from freefloat.limits.result import LimitResult
 from freefloat.motion.extrema import ClosestApproach, closest_approach
 from freefloat.motion.motion import Ending, Motion
 from freefloat.motion.panels import NODES
-from freefloat.planning.simulated_branch import SimulatedBranch, branch_at
+from freefloat.planning.motions import SimulatedBranch, branch_at
 from freefloat.records import Known, Origin
 from freefloat.so3 import angle_between
 from freefloat.verification.comparisons import Check

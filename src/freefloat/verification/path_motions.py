@@ -13,9 +13,9 @@ from freefloat.limits.limits import Limits
 from freefloat.limits.result import LimitResult
 from freefloat.limits.values import OFF
 from freefloat.motion.motion import Motion
+from freefloat.planning.motions import SimulatedBranch
 from freefloat.planning.plan import Plan
 from freefloat.planning.reasons import Verdict, verdict_on
-from freefloat.planning.simulated_branch import SimulatedBranch
 from freefloat.planning.simulation import Simulation
 from freefloat.records import Known, Origin
 from freefloat.verification.comparisons import (

@@ -18,15 +18,14 @@ from freefloat.motion.pointing import AttitudeLimits
 from freefloat.motion.problem import Problem
 from freefloat.paths.time_laws import TimeLaw
 from freefloat.planning.candidates import Candidate, SearchEffort, Tolerance
-from freefloat.planning.evaluator import evaluator_for, evaluator_near
 from freefloat.planning.headings import heading_depth, ranges_containing
+from freefloat.planning.motions import SimulatedBranch, evaluator_for, evaluator_near
 from freefloat.planning.path_planner import plan_attitude
 from freefloat.planning.plan import Plan
 from freefloat.planning.plane.arcs import BranchRanges
 from freefloat.planning.plane.continuation import keeps_from_nearby
 from freefloat.planning.searches.adversary import violations
 from freefloat.planning.settings import PLAN_ATTITUDES
-from freefloat.planning.simulated_branch import SimulatedBranch
 from freefloat.planning.space.mapping import sample_attitudes
 from freefloat.planning.space.tolerances import LONGEST, NearbyAttitudes, robust_radius, tolerance
 from freefloat.records import Known

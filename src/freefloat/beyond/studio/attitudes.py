@@ -12,8 +12,8 @@ import numpy.typing as npt
 from freefloat.ensemble import endings
 from freefloat.ensemble.result import BranchResults
 from freefloat.motion.problem import Problem
+from freefloat.planning.margin_map import HeadingMap
 from freefloat.planning.plane.arcs import BranchRanges
-from freefloat.planning.plane.heading_map import HeadingMap
 from freefloat.planning.space.attitude_map import AttitudeMap
 from freefloat.so3 import Array, IntArray
 from freefloat.visualization.scenes.description import MarginColours

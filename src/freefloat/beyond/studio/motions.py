@@ -15,10 +15,10 @@ from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
 from freefloat.planning.limits.screening import screen
 from freefloat.planning.limits.trials import Trials
+from freefloat.planning.margin_map import HeadingMap
+from freefloat.planning.motions import SimulatedBranch, integrate_branch
 from freefloat.planning.objective import Comparison
 from freefloat.planning.objectives import LargestMargin
-from freefloat.planning.plane.heading_map import HeadingMap
-from freefloat.planning.simulated_branch import SimulatedBranch, integrate_branch
 from freefloat.planning.space.attitude_map import AttitudeMap
 from freefloat.so3 import Array
 from freefloat.visualization.page.playback import Playback
@@ -63,7 +63,7 @@ def motion_within_limits(
         progress(0.0)
         if candidate.violation is not None:
             continue
-        passed = trials.check_candidate(candidate)
+        passed = trials.at(candidate.attitude, candidate.branch)
         if passed is not None:
             return passed[0]
         if trials.count == _MOST:

@@ -21,13 +21,12 @@ from freefloat.beyond.studio.robots import RobotCache
 from freefloat.concurrency import Progress
 from freefloat.io.scenario.scenario import Scenario
 from freefloat.limits.check import check_limits
-from freefloat.planning.evaluator import evaluator_for
+from freefloat.planning.margin_map import HeadingMap
+from freefloat.planning.motions import SimulatedBranch, evaluator_for
 from freefloat.planning.objectives import Nearest
 from freefloat.planning.path_planner import plan_attitude
-from freefloat.planning.plane.heading_map import HeadingMap
 from freefloat.planning.planner import plan
 from freefloat.planning.reasons import reach_message
-from freefloat.planning.simulated_branch import SimulatedBranch
 from freefloat.planning.space.attitude_map import AttitudeMap
 from freefloat.planning.space.mapping import sample_attitudes, sample_headings
 

@@ -16,7 +16,7 @@ from freefloat.motion.problem import Problem
 from freefloat.planning.settings import Search
 
 if TYPE_CHECKING:  # compiled kernels are slow to import
-    from freefloat.planning.plane.heading_map import HeadingMap
+    from freefloat.planning.margin_map import HeadingMap
     from freefloat.planning.simulation import Simulation
     from freefloat.planning.space.attitude_map import AttitudeMap
 

@@ -10,7 +10,6 @@ import numpy.typing as npt
 
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.motion.problem import Problem
-from freefloat.planning.candidates import Candidate
 from freefloat.planning.limits.trials import Violations
 from freefloat.planning.plan import Plan
 from freefloat.planning.settings import PLAN_ATTITUDES, Search
@@ -25,8 +24,6 @@ _TURNS = 24
 """Turns about each of two axes through which the present attitude is varied."""
 _ZOOMS, _ZOOM = 6, 4
 """How often turns around the best are tried, and by which factor they are finer."""
-_STARTS = 12
-"""Attitudes from which smaller violations are searched for."""
 _MORE = 2
 """Number of further samples, relative to those of the search."""
 
@@ -46,20 +43,6 @@ class SearchStarts:
     merits: Array
     spacing: float
     added: int
-
-    def best(self, redundant: bool) -> list[tuple[Candidate, float]]:
-        """Those of the largest merits, no two of a branch near each other."""
-        table = (
-            self.merits.max(axis=1, keepdims=True, initial=-np.inf) if redundant else self.merits
-        )
-        chosen: list[tuple[Candidate, float]] = []
-        for index in np.argsort(-table, axis=None, kind="stable")[: 16 * _STARTS].tolist():
-            row, column = divmod(index, table.shape[1])
-            candidate = Candidate(self.attitudes[row], None if redundant else column)
-            near = candidate.is_near([other for other, _ in chosen], 1.5 * self.spacing)
-            if np.isfinite(table[row, column]) and not near:
-                chosen.append((candidate, float(table[row, column])))
-        return chosen[:_STARTS]
 
 
 def starts_of(

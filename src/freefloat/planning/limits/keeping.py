@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -13,16 +13,16 @@ from freefloat.limits.kinds.clearance import ClearanceLimit
 from freefloat.limits.kinds.corridor import CorridorLimit
 from freefloat.limits.kinds.joint_rate import JointRateLimit
 from freefloat.limits.limits import Limits
+from freefloat.limits.result import LimitResult, all_violations, rounded_up, violated
 from freefloat.planning.candidates import ScreenedCandidate
-from freefloat.planning.evaluator import evaluator_near
 from freefloat.planning.headings import heading_depth
 from freefloat.planning.limits.screening import screen
 from freefloat.planning.limits.trials import PassedTrial, Trials
+from freefloat.planning.motions import SimulatedBranch, evaluator_near
 from freefloat.planning.objective import Comparison
 from freefloat.planning.plan import Plan
-from freefloat.planning.reasons import margin_text, none_within_limits
+from freefloat.planning.reasons import margin_text
 from freefloat.planning.settings import Search
-from freefloat.planning.simulated_branch import SimulatedBranch
 from freefloat.planning.space.tolerances import robust_radius
 from freefloat.so3 import Array, rotated, rotation_vector_to
 
@@ -69,7 +69,7 @@ def keep_limits(
         return _without_candidate(plan, trials)
     passed = _first_passing(evaluator, plan, limits, trials, progress)
     if passed is None and known is not None:
-        passed = trials.check_candidate(known)
+        passed = trials.at(known.attitude, known.branch)
     if passed is not None:
         return _with_candidate(plan, trials, passed)
     return _without_candidate(plan, trials)
@@ -110,7 +110,7 @@ def _first_passing(
         if candidate.is_near(refused, spacing) and not at_present:
             skipped.append(candidate)
         else:
-            passed = trials.check_candidate(candidate)
+            passed = trials.at(candidate.attitude, candidate.branch)
             if passed is not None and _has_spare(evaluator, plan, passed[0]):
                 return passed
             fallback = fallback or passed
@@ -120,7 +120,7 @@ def _first_passing(
     if fallback is not None:
         return fallback
     again = () if limits.joint_rate is None else _slowest(skipped)
-    checked = (trials.check_candidate(candidate) for candidate in again)
+    checked = (trials.at(candidate.attitude, candidate.branch) for candidate in again)
     return next((passed for passed in checked if passed is not None), None)
 
 
@@ -178,7 +178,7 @@ def _without_candidate(plan: Plan, trials: Trials) -> Plan:
     """
     excluded = dict(trials.violations.most_common())
     for candidate in _nearest_to_passing(trials.screened_out):
-        trials.check_candidate(candidate)
+        trials.at(candidate.attitude, candidate.branch)
     count = trials.count
     nearest, results = trials.nearest()
     if plan.map is None:
@@ -186,11 +186,15 @@ def _without_candidate(plan: Plan, trials: Trials) -> Plan:
     else:
         attitudes = plan.map.attitudes[:: max(1, plan.map.samples // _STRETCHED)]
     stretch, start = trials.sufficient_stretch(attitudes)
-    longer_tried = bool(trials.too_fast)
+    reason = _reason(excluded, results, count)
+    if stretch is not None:
+        reason += f"; {rounded_up(stretch):.4g} times the duration suffices"
+    elif trials.too_fast:
+        reason += "; none of the longer durations tried suffices"
     return replace(
         plan,
         feasible=False,
-        reason=none_within_limits(excluded, results, count, stretch, longer_tried),
+        reason=reason,
         chosen=nearest,
         robust_radius=heading_depth(trials.evaluator, plan, nearest),
         limit_results=results,
@@ -198,6 +202,30 @@ def _without_candidate(plan: Plan, trials: Trials) -> Plan:
         needed_stretch=stretch,
         stretch_candidate=start,
     )
+
+
+def _reason(excluded: Mapping[str, int], results: Iterable[LimitResult], count: int) -> str:
+    """Why no candidate keeps the limits.
+
+    Args:
+        excluded: How many candidates violate which limit first, the most frequent one first.
+        results: Limits along the motion of the candidate that comes nearest to keeping them.
+        count: Number of precise motions.
+    """
+    violating = violated(results)
+    for result in violating:
+        if result.limit == CorridorLimit.name:  # which the path alone decides
+            return (
+                f"the path itself leaves the corridor at t = {result.time:.4g} s, "
+                f"{result.sentence}; no attitude helps"
+            )
+    counts = ", ".join(f"{name} {number}" for name, number in excluded.items())
+    tried = f"none of {sum(excluded.values()):,} tried keeps the limits: {counts}"
+    worst = max(violating, key=lambda result: result.ratio, default=None)
+    best = "" if worst is None else (
+        f"; in the best of {count} integrated precisely {all_violations([worst])}"
+    )  # fmt: skip
+    return f"attitudes keep the margin, but {tried}{best}"
 
 
 def _attitudes(plan: Plan, count: int) -> Array:
@@ -227,9 +255,9 @@ def moved_nearer(
             return None
         if not search.domain.contains(attitude):
             return None
-        return trials.check_candidate(ScreenedCandidate(attitude, number))
+        return trials.at(attitude, number)
 
-    there = _kept_at(trials, present)
+    there = trials.best_at(present)
     beyond = rotated(present, -step)[0]
     if there is not None and (not spare or trial(beyond, there[0].branch.index) is not None):
         return there
@@ -249,13 +277,3 @@ def moved_nearer(
     normal = problem.plane.normal[None] if problem.has_headings else np.eye(3)
     around = rotated(spared[0].motion.initial.attitude, spare * np.vstack([normal, -normal]))
     return spared if all(trial(attitude) is not None for attitude in around) else there
-
-
-def _kept_at(trials: Trials, attitude: Array) -> PassedTrial | None:
-    """The motion from an attitude that keeps everything, along the branch of the largest margin."""
-    passed = [
-        trials.check_candidate(ScreenedCandidate(attitude, branch.index))
-        for branch in trials.problem.branches(attitude)
-    ]
-    kept = (entry for entry in passed if entry is not None)
-    return max(kept, key=lambda entry: entry[0].minimum_margin, default=None)

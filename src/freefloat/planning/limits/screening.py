@@ -12,7 +12,6 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.ensemble.result import BranchResults
@@ -20,10 +19,9 @@ from freefloat.limits.kinds.clearance import ClearanceLimit
 from freefloat.limits.kinds.joint_range import JointRangeLimit
 from freefloat.limits.kinds.joint_rate import JointRateLimit
 from freefloat.limits.limits import Limits
-from freefloat.motion.problem import Problem
 from freefloat.planning.candidates import ScreenedCandidate
 from freefloat.planning.objective import Comparison
-from freefloat.robot.joint_ranges import revolutions
+from freefloat.robot.joint_ranges import largest_range_ratio
 from freefloat.scene.scene_body import EndEffectorPoses
 from freefloat.so3 import Array, IntArray
 
@@ -33,7 +31,7 @@ if TYPE_CHECKING:  # coal and trimesh import slowly
 _FIRST_BATCH, _BATCH = 16, 256
 """Candidates screened together: few at first, for the best may pass."""
 _SLACK = 1e-4
-"""Error of compiled motions [rad, m; fraction of a rate]."""
+"""Error of compiled motions [m; fraction of a range or rate]."""
 _INSTANTS = 16
 """Instants between start and end at which clearances are computed."""
 
@@ -77,7 +75,9 @@ def _screened(
     distinct, rows = np.unique(attitudes, axis=0, return_inverse=True)
     results = evaluator.evaluate(distinct)
     entries = rows.ravel(), branches
-    violations = {JointRangeLimit.name: _out_of_range(evaluator.problem, results, entries)}
+    low, high = results.motions.lower[entries], results.motions.upper[entries]
+    ranges = largest_range_ratio(evaluator.problem.model_at(), low, high)
+    violations = {JointRangeLimit.name: ranges > 1.0 + _SLACK}
     rate_ratios, deficits = np.zeros((2, len(attitudes)))
     if limits.joint_rate is not None:
         rate_ratios = results.motions.rate_usage(limits.joint_rate)[entries]
@@ -85,7 +85,7 @@ def _screened(
     if pairs is not None:
         left = ~np.any([*violations.values()], axis=0)
         remaining = entries[0][left], entries[1][left]
-        deficits[left] = clearance_deficits(evaluator, pairs, results, remaining)
+        deficits[left] = _clearance_deficits(evaluator, pairs, results, remaining)
     violations[ClearanceLimit.name] = deficits > 0.0
     for k, attitude in enumerate(attitudes):
         violation = next((name for name, violated in violations.items() if violated[k]), None)
@@ -94,20 +94,7 @@ def _screened(
         )
 
 
-def _out_of_range(
-    problem: Problem, results: BranchResults, entries: _Entries
-) -> npt.NDArray[np.bool_]:
-    """Where no multiple of a full rotation puts a joint's values inside its range, shape (K,)."""
-    low, high = results.motions.lower[entries], results.motions.upper[entries]
-    lower, upper = problem.model_at().joint_ranges
-    lower, upper = lower - _SLACK, upper + _SLACK
-    fewest, most = revolutions((lower, upper), low, high)
-    inside = (low >= lower) & (high <= upper)
-    fits = np.where(problem.model_at().prismatic, inside, fewest <= most)
-    return np.asarray(~fits.all(axis=1))
-
-
-def clearance_deficits(
+def _clearance_deficits(
     evaluator: FeasibilityEvaluator,
     pairs: CollisionPairs,
     results: BranchResults,

@@ -17,8 +17,7 @@ from freefloat.limits.kinds.base_rate import BaseRateLimit
 from freefloat.limits.limits import Limits
 from freefloat.limits.result import LimitResult, needed_stretch, rounded_up
 from freefloat.planning.candidates import ScreenedCandidate
-from freefloat.planning.evaluator import evaluator_for
-from freefloat.planning.simulated_branch import SimulatedBranch, integrate_branch
+from freefloat.planning.motions import SimulatedBranch, evaluator_for, integrate_branch
 from freefloat.robot.joint_ranges import largest_range_ratio
 from freefloat.so3 import Array
 
@@ -64,9 +63,15 @@ class Trials:
         self.screened_out: list[ScreenedCandidate] = []
         self._nearest: tuple[tuple[float, float], SimulatedBranch] | None = None
 
-    def check_candidate(self, candidate: ScreenedCandidate) -> PassedTrial | None:
-        """The same as :meth:`check` for a candidate's precise motion."""
-        return self.check(integrate_branch(self.problem, candidate.attitude, candidate.branch))
+    def at(self, attitude: Array, branch: int) -> PassedTrial | None:
+        """The same as :meth:`check` for the precise motion of an arm branch at an attitude (4,)."""
+        return self.check(integrate_branch(self.problem, attitude, branch))
+
+    def best_at(self, attitude: Array) -> PassedTrial | None:
+        """The motion from an attitude (4,) that keeps everything with the largest margin."""
+        passed = (self.at(attitude, branch.index) for branch in self.problem.branches(attitude))
+        kept = (entry for entry in passed if entry is not None)
+        return max(kept, key=lambda entry: entry[0].minimum_margin, default=None)
 
     def check(self, simulated: SimulatedBranch) -> PassedTrial | None:
         """The motion and every limit result; None if it violates the margin or a limit."""

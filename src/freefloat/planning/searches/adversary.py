@@ -16,7 +16,7 @@ from freefloat.attitude_grids import low_discrepancy, sphere_directions
 from freefloat.ensemble.feasibility import is_kept
 from freefloat.planning.candidates import SearchEffort
 from freefloat.planning.searches import pattern_search
-from freefloat.planning.searches.pattern_search import Searches, spread
+from freefloat.planning.searches.pattern_search import Searches, drawn_out, spread
 from freefloat.so3 import Array, IntArray, frozen
 
 _ON_SPHERE = 0.5
@@ -79,11 +79,7 @@ def confirmed_radius(
 
 
 def violations(
-    regularity: Regularity,
-    radius: float,
-    effort: SearchEffort,
-    seed: int = 0,
-    known: Array = _NONE,
+    regularity: Regularity, radius: float, effort: SearchEffort, seed: int = 0, known: Array = _NONE
 ) -> Array:
     """Deviations in a ball that violate the rule, shape (K, 3); empty where none was found.
 
@@ -160,13 +156,9 @@ class _Balls:
         self, points: Array, previous: Array, sizes: Array, number: int
     ) -> tuple[Array, Array]:
         """See :class:`~freefloat.planning.searches.pattern_search.Pattern`."""
-        sequence = low_discrepancy(_POINTS * (number + 1), 3)[-_POINTS:]
-        offsets = sphere_directions(sequence[:, :2]) * _SPIRAL ** np.arange(_POINTS)[:, None]
         steps = points - previous
-        lengths = np.linalg.norm(steps, axis=1)
-        steps *= (np.minimum(lengths, sizes) / np.maximum(lengths, np.finfo(float).tiny))[:, None]
-        along = _AHEAD * sequence[:, 2] * (np.arange(_POINTS) % 3 > 0)
-        vectors = points[:, None] + offsets * sizes[:, None, None] + along[:, None] * steps[:, None]
+        vectors = drawn_out(steps, sizes, number, _POINTS, _SPIRAL, (0.0, _AHEAD))
+        vectors = points[:, None] + vectors
         vectors = _shortened(vectors, self.radius)
         return vectors, np.linalg.norm(vectors - points[:, None], axis=2)
 

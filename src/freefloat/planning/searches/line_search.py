@@ -54,8 +54,12 @@ class LineSamples:
         )
         return LineSamples(together[order], *both)
 
-    def doubtful(self, widest: float, finest: float) -> Array:
-        """Points that divide intervals in which a requirement may be violated, shape (M,)."""
+    def divided(self, widest: float, finest: float, flattest: float) -> Array:
+        """Points that divide intervals in which a requirement may change, shape (M,).
+
+        Between kept samples one may be violated; beside violated local maxima of the first, all may
+        be kept.
+        """
         widths = np.diff(self.points)
         slopes = np.abs(np.diff(self.slacks, axis=0)) / np.maximum(widths, finest / 2.0)[:, None]
         steepest = slopes.copy()
@@ -65,22 +69,17 @@ class LineSamples:
         steeper = np.where(self._next_to_minimum(), *_STEEPER[::-1])
         near = (low < steeper * steepest * widths[:, None] / 2.0).any(axis=1) | (widths > widest)
         chosen = near & self.kept[:-1] & self.kept[1:] & (widths > finest)
+        chosen |= self._beside_maximum() & (widths > flattest)
         steps = np.arange(1, _PARTS) / _PARTS
         return (self.points[:-1][chosen, None] + widths[chosen, None] * steps).ravel()
 
-    def hopeful(self, finest: float) -> Array:
-        """Points beside violated local maxima between which motions may keep all, shape (M,)."""
-        first, widths = self.slacks[:, 0], np.diff(self.points)
-        rises = np.diff(first)
-        before, after = rises[:-1], -rises[1:]
+    def _beside_maximum(self) -> Flags:
+        """Intervals beside violated maxima that may rise above the first requirement, (K - 1)."""
+        first = self.slacks[:, 0]
+        before, after = np.diff(first)[:-1], -np.diff(first)[1:]
         peak = ~self.kept[1:-1] & (before >= 0.0) & (after >= 0.0)
         peak &= (first[1:-1] + np.maximum(before, after) > 0.0) & (first[1:-1] > first.min())
-        beside = np.zeros(len(widths), bool)
-        beside[:-1] |= peak
-        beside[1:] |= peak
-        chosen = beside & (widths > finest)
-        steps = np.arange(1, _PARTS) / _PARTS
-        return (self.points[:-1][chosen, None] + widths[chosen, None] * steps).ravel()
+        return np.asarray(np.append(peak, False) | np.append(False, peak))
 
     def _next_to_minimum(self) -> Flags:
         """Whether an end of an interval is a local minimum of a requirement, (K - 1, R)."""
@@ -122,9 +121,7 @@ def resolved(
     """
     for _ in range(_ROUNDS):
         for _ in range(levels):
-            added = [
-                np.union1d(line.doubtful(widest, finest), line.hopeful(flattest)) for line in lines
-            ]
+            added = [line.divided(widest, finest, flattest) for line in lines]
             if not any(map(len, added)):
                 break
             lines = _with(function, lines, added)

@@ -88,6 +88,26 @@ class Pattern(Protocol):
         """Searches that may end because of better ones, with patterns of sizes (K,), shape (K,)."""
 
 
+def drawn_out(
+    steps: Array, sizes: Array, number: int, count: int, spiral: float, reach: tuple[float, float]
+) -> Array:
+    """Vectors up to sizes (A,), two in three drawn out along steps (A, 3), shape (A, count, 3).
+
+    The ``spiral`` is the ratio of lengths of successive ones, the ``reach`` that backward and
+    forward along a step no longer than the size.
+    """
+    sequence = low_discrepancy(count * (number + 1), 3)[-count:]
+    vectors = sphere_directions(sequence[:, :2]) * sizes[:, None, None]
+    vectors *= spiral ** np.arange(count)[:, None]
+    lengths = np.linalg.norm(steps, axis=1)
+    steps = (
+        steps * (np.minimum(lengths, sizes) / np.maximum(lengths, np.finfo(float).tiny))[:, None]
+    )
+    along = sum(reach) * sequence[:, 2] - reach[0]
+    along[::3] = 0.0
+    return np.asarray(vectors + along[:, None] * steps[:, None])
+
+
 class Clouds:
     """Attitudes around others, drawn out along the last step: narrow ridges are followed."""
 
@@ -95,15 +115,8 @@ class Clouds:
         self, points: Array, previous: Array, sizes: Array, number: int
     ) -> tuple[Array, Array]:
         """See :class:`Pattern`."""
-        sequence = low_discrepancy(_CLOUD * (number + 1), 3)[-_CLOUD:]
-        vectors = sphere_directions(sequence[:, :2]) * sizes[:, None, None]
-        vectors *= _CLOUD_SPIRAL ** np.arange(_CLOUD)[:, None]
         steps = rotation_vector_to(previous, points)
-        lengths = np.linalg.norm(steps, axis=1)
-        steps *= (np.minimum(lengths, sizes) / np.maximum(lengths, np.finfo(float).tiny))[:, None]
-        along = (_AHEAD + _BEHIND) * sequence[:, 2] - _BEHIND
-        along[::3] = 0.0
-        vectors += along[:, None] * steps[:, None]
+        vectors = drawn_out(steps, sizes, number, _CLOUD, _CLOUD_SPIRAL, (_BEHIND, _AHEAD))
         attitudes = rotated(np.repeat(points, _CLOUD, axis=0), vectors.reshape(-1, 3))
         return attitudes.reshape(len(points), _CLOUD, 4), np.linalg.norm(vectors, axis=2)
 

@@ -107,18 +107,6 @@ class AttitudeMap(MarginMap):
         refined = 0.0 if self.best is None else self.best.minimum_margin
         return float(self.margins.max(initial=refined))
 
-    def branch_labels(self) -> dict[int | None, str]:
-        """Names of the arm branches that exist somewhere, by number; of a redundant arm, "any"."""
-        if self.problem.redundant:
-            return {None: "any"}
-        exist = self.results.exist
-        labels: dict[int, str] = {}
-        for index in np.flatnonzero(exist.any(axis=0)).tolist():
-            if index not in labels:
-                branches = self.problem.branches(self.attitudes[int(np.argmax(exist[:, index]))])
-                labels = {branch.index: branch.label for branch in branches} | labels
-        return dict(sorted(labels.items()))
-
     def branch_fractions(self, branch: int | None) -> tuple[float, float]:
         """Fractions of the attitudes where an arm branch keeps the margin, and where it exists."""
         columns = slice(None) if branch is None else [branch]

@@ -8,35 +8,36 @@ from functools import partial
 
 import numpy as np
 
+from freefloat.attitude_grids import attitudes_within, even_directions
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.ensemble.result import EnsembleResult
 from freefloat.limits.limits import Limits
-from freefloat.planning.candidates import Ball, Candidate, NearAttitude, Peak
+from freefloat.planning.candidates import Ball, Candidate, NearAttitude, Peak, ScoredAttitude
 from freefloat.planning.objective import Comparison
-from freefloat.planning.settings import Search
+from freefloat.planning.searches.pattern_search import Flags
+from freefloat.planning.settings import Search, SearchDomain
 from freefloat.planning.space.attitude_map import AttitudeMap
 from freefloat.planning.space.climbing import (
-    climbed,
+    Climb,
+    Inside,
     feasible_peaks,
     most_robust_first,
     nearest_feasible,
+    separate_best,
 )
 from freefloat.planning.space.deepest_ball import deepest
-from freefloat.planning.space.nearest import nearest_with_spare
 from freefloat.planning.space.tolerances import robust_radius
-from freefloat.so3 import Array, angle_between
+from freefloat.so3 import Array, IntArray, angle_between, rotated
 
 _STARTS = 12
 """Samples from which attitudes of larger merit are searched for."""
-_FINISHED, _CONTINUED = 4, 2
-"""Number of searches that are continued with larger clouds, and how often: some end on ridges."""
 _FINE = 1e-4
 """Clouds smaller than this end a search [rad]."""
 
 
 @dataclass(frozen=True, eq=False)
 class SampledChoices:
-    """See :class:`~freefloat.planning.objective.AttitudeChoices`."""
+    """See :class:`~freefloat.planning.objective.Choices`."""
 
     evaluator: FeasibilityEvaluator
     samples: AttitudeMap
@@ -57,18 +58,21 @@ class SampledChoices:
             kept = motions.keeps(self.samples.problem.margin.threshold)
             return np.where(kept, motions.minimum, -np.inf)
 
-        return [*(Peak(*entry) for entry in self._better_at_present(largest, margins)), *peaks]
+        better = self._better_at_present(largest, margins)
+        return [*(Peak(entry.attitude, entry.branch, entry.merit) for entry in better), *peaks]
 
     def largest_merits(self) -> Sequence[Candidate]:
         """Those with locally largest merits."""
-        search, evaluator, margins = self.search, self.evaluator, self.samples.margins
-        compared = Comparison(
-            search.objective, search.from_attitude, self.limits, evaluator, margins
+        search, samples = self.search, self.samples
+        merit = Comparison(
+            search.objective, search.from_attitude, self.limits, self.evaluator, samples.margins
         )
-        scored = best_by_merit(evaluator, self.samples, compared)
+        table = merit(samples.attitudes, samples.results.motions)
+        branches = [None] if samples.problem.redundant else [*range(table.shape[1])]
+        starts = separate_best(samples.attitudes, table, branches, _STARTS, samples.spacing)
+        scored = self._climb(merit).to_top(starts, samples.spacing)
         largest = max((entry.merit for entry in scored), default=-np.inf)
-        better = self._better_at_present(largest, compared)
-        return [*(ScoredAttitude(*entry) for entry in better), *scored]
+        return [*self._better_at_present(largest, merit), *scored]
 
     def deepest(self) -> Sequence[Candidate]:
         """Those deepest inside the feasible set, with the radius of the ball around them."""
@@ -110,66 +114,179 @@ class SampledChoices:
         branches = [None][: len(kept)] if self.samples.problem.redundant else kept
         return [NearAttitude(self._present, branch, 0.0) for branch in branches]
 
+    def _climb(self, merit: Callable[[Array, EnsembleResult], Array]) -> Climb:
+        return Climb(partial(self.evaluator.largest, merit=merit), self.search.domain, _FINE)
+
     def _better_at_present(
         self, largest: float, merit: Callable[[Array, EnsembleResult], Array]
-    ) -> list[tuple[Array, int | None, float]]:
+    ) -> list[ScoredAttitude]:
         """Attitudes climbed to from ``from_attitude``, where merits there exceed the largest."""
-        present, evaluator = self.search.present, self.evaluator
+        present = self.search.present
         if present is None:
             return []
-        merits = merit(present[None], evaluator.evaluate(present[None]).motions)[0]
-        better = merits > largest
-        starts = [Candidate(present, branch) for branch in np.flatnonzero(better).tolist()]
-        values = merits[better].tolist()
-        if starts and evaluator.problem.redundant:
-            starts, values = [Candidate(present, None)], [max(values)]
-        return climbed(
-            partial(evaluator.largest, merit=merit), self.search.domain, starts, values,
-            self.samples.spacing / 2.0, _FINE,
-        )  # fmt: skip
+        merits = merit(present[None], self.evaluator.evaluate(present[None]).motions)[0]
+        better = [
+            ScoredAttitude(present, branch, float(merits[branch]))
+            for branch in np.flatnonzero(merits > largest).tolist()
+        ]
+        if better and self.samples.problem.redundant:
+            better = [ScoredAttitude(present, None, max(entry.merit for entry in better))]
+        return self._climb(merit)(better, self.samples.spacing / 2.0)
 
     @property
     def _present(self) -> Array:
         return np.asarray(self.search.present)
 
 
-@dataclass(frozen=True, eq=False)
-class ScoredAttitude(Candidate):
-    """An attitude with a locally largest merit."""
+_NEAREST_SAMPLES = 4
+"""Nearest samples, the last starts tried."""
+_FACTORS = 1.02, 1.06
+"""Radii of the balls tried, in units of the spare angle: reported radii are slightly smaller."""
+_MOST_CLOUDS = 8
+"""Clouds on the way to the target, at most."""
+_CLOUD = 1024
+"""Attitudes of a cloud."""
+_RADIUS = 4.0
+"""Radius of a cloud, in units of the ball's."""
+_CENTRES = 8000
+"""Centres considered in a cloud."""
+_ROUNDS = 20
+"""Balls examined in a cloud, at most."""
+_SEPARATION = 1.06
+"""Angle between a centre and attitudes outside, in units of the ball's radius: those known do not
+lie exactly on the boundary."""
+_FEW, _OTHERS = 64, 3
+"""Directions in which centres are tried first, and how many beside the nearest."""
+_SHELL = 384
+"""Attitudes tried on the sphere of a ball."""
+_INSIDE = 128
+"""Attitudes tried inside it."""
+_FINEST = 1e-4
+"""Accuracy of a centre [rad]."""
 
-    merit: float
+
+def nearest_with_spare(
+    evaluator: FeasibilityEvaluator, samples: AttitudeMap, target: Array, spare: float
+) -> list[NearAttitude]:
+    """The attitude near a target that keeps the margin within an angle ``spare`` [rad] around it.
+
+    There all singularities are avoided, also those at which the measure does not vanish.
+
+    Returns:
+        The nearest attitude found; empty where none is.
+    """
+    domain = samples.search.domain
+    best: NearAttitude | None = None
+    branches: dict[int | None, NearAttitude] = {}
+    for near in nearest_feasible(evaluator, samples, target):
+        branches.setdefault(near.branch, near)
+    for near in branches.values():
+        if best is not None and best.deviation <= near.deviation:
+            break  # no attitude of this branch is nearer
+        inside = samples.attitudes[samples.regular(near.branch)]
+        order = np.argsort(angle_between(inside, target))[:_NEAREST_SAMPLES]
+        for start in (near.attitude, *inside[order]):
+            found = _nearest_centre(evaluator, start, near.branch, target, spare, samples.spacing)
+            if found is not None and domain.contains(found.attitude):
+                best = found if best is None or found.deviation < best.deviation else best
+                break
+    return [] if best is None else [best]
 
 
-def best_by_merit(
-    evaluator: FeasibilityEvaluator, samples: AttitudeMap, merit: Comparison
-) -> list[ScoredAttitude]:
-    """Attitudes of the largest merits, the best first, refined from samples of a map."""
-    largest, spacing = partial(evaluator.largest, merit=merit), samples.spacing
+def _nearest_centre(
+    evaluator: FeasibilityEvaluator,
+    start: Array,
+    branch: int | None,
+    target: Array,
+    spare: float,
+    spacing: float,
+) -> NearAttitude | None:
+    """The centre of a ball inside the feasible set, moved from a start toward the target."""
+    for factor in _FACTORS:
+        best: Array | None = None
+        place = start
+        for _ in range(_MOST_CLOUDS):
+            centre = _centre_nearby(evaluator, place, branch, target, factor * spare)
+            if centre is None:
+                break
+            gain = float(angle_between(place, target) - angle_between(centre, target))
+            best = place = centre
+            if gain < spare / 4.0:
+                break
+        if best is None:
+            return None
+        radius = robust_radius(evaluator, best, branch, min(spacing, 2.0 * factor * spare))
+        if radius >= spare:
+            return NearAttitude(best, branch, float(angle_between(best, target)), radius)
+    return None
 
-    def climb(starts: list[ScoredAttitude], size: float) -> list[ScoredAttitude]:
-        merits = [start.merit for start in starts]
-        moved = climbed(largest, samples.search.domain, starts, merits, size, _FINE)
-        return [ScoredAttitude(*entry) for entry in moved]
 
-    scored = climb(_starts(evaluator, samples, merit), spacing)
-    for _ in range(_CONTINUED):
-        scored = climb(scored[:_FINISHED], spacing / 2.0) + scored[_FINISHED:]
-    return scored
+def _centre_nearby(
+    evaluator: FeasibilityEvaluator, place: Array, branch: int | None, target: Array, radius: float
+) -> Array | None:
+    """The centre nearest to the target, near a place, of a ball inside the feasible set.
+
+    The nearest centres that keep away from the attitudes found outside are tried in a few
+    directions, the nearest of them in many; what is outside in their balls limits the next ones.
+    """
+    size, reduction = min(_RADIUS * radius, np.pi), evaluator.sample_reduction
+    cloud = attitudes_within(place, size, _CLOUD // reduction)
+    outside = new = cloud[~evaluator.regular(cloud, branch)]
+    apart = partial(_apart, place=place, reach=size - radius, angle=_SEPARATION * radius)
+    centres = np.vstack([target, attitudes_within(place, size - radius, _CENTRES, 1)])
+    centres = centres[np.argsort(angle_between(centres, target))]
+    for number in range(1, _ROUNDS + 1):
+        centres = centres[apart(centres, outside=new)]
+        if not len(centres):
+            return None
+        centre = _refined(centres[0], partial(apart, outside=outside), target, radius)
+        directions = even_directions(_FEW * number)[-_FEW:]
+        tried = np.vstack([centre, _separate(centres, centre, radius / 2.0)])
+        ball = rotated(
+            np.repeat(tried, _FEW, axis=0), radius * np.tile(directions, (len(tried), 1))
+        )
+        failed = ~evaluator.regular(ball, branch)
+        new = ball[failed]
+        if not failed[:_FEW].any():
+            ball = _ball(centre, radius, reduction)
+            failed = ~evaluator.regular(ball, branch)
+            if not failed.any():
+                return centre
+            new = np.vstack([new, ball[failed]])
+        outside = np.vstack([outside, new])
+    return None
 
 
-def _starts(
-    evaluator: FeasibilityEvaluator, samples: AttitudeMap, merit: Comparison
-) -> list[ScoredAttitude]:
-    """The samples of the largest merits, no two of a branch near each other."""
-    table = merit(samples.attitudes, samples.results.motions)
-    if evaluator.problem.redundant:
-        table = table.max(axis=1, keepdims=True)
-    chosen: list[ScoredAttitude] = []
-    for index in np.argsort(-table, axis=None)[: 16 * _STARTS]:
-        row, column = np.unravel_index(int(index), table.shape)
-        value = float(table[row, column])
-        branch = None if evaluator.problem.redundant else int(column)
-        candidate = ScoredAttitude(samples.attitudes[row], branch, value)
-        if np.isfinite(value) and not candidate.is_near(chosen, 1.5 * samples.spacing):
-            chosen.append(candidate)
-    return chosen[:_STARTS]
+def _separate(centres: Array, first: Array, angle: float) -> Array:
+    """Some centres, of (K, 4) in order, not within an angle of the first or each other, (C, 4)."""
+    chosen: list[Array] = []
+    while len(chosen) < _OTHERS:
+        centres = centres[angle_between(centres, chosen[-1] if chosen else first) > angle]
+        if not len(centres):
+            break
+        chosen.append(centres[0])
+    return np.reshape(chosen, (-1, 4))
+
+
+def _apart(attitudes: Array, *, place: Array, reach: float, outside: Array, angle: float) -> Flags:
+    """Which attitudes are within reach of a place and at an angle or more from all outside."""
+    cosines = np.abs(attitudes @ outside.T).max(axis=1, initial=0.0)
+    near = angle_between(attitudes, place) <= reach
+    return np.asarray(near & (cosines <= np.cos(angle / 2.0)))
+
+
+def _refined(centre: Array, apart: Inside, target: Array, radius: float) -> Array:
+    """The attitude nearest to a target, of those apart, near a centre."""
+
+    def merit(attitudes: Array, _: IntArray | None) -> Array:
+        return np.where(apart(attitudes), -angle_between(attitudes, target), -np.inf)
+
+    start = ScoredAttitude(centre, None, -float(angle_between(centre, target)))
+    return Climb(merit, SearchDomain(), _FINEST)([start], radius / 4.0)[0].attitude
+
+
+def _ball(centre: Array, radius: float, reduction: int) -> Array:
+    """Attitudes of a ball: its centre first, many on its sphere, some inside, shape (K, 4)."""
+    directions = even_directions(_SHELL // reduction)
+    shell = rotated(centre, radius * directions)
+    return np.vstack([centre, shell, attitudes_within(centre, radius, _INSIDE // reduction)])

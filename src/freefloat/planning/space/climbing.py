@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from freefloat.attitude_grids import attitudes_within
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.motion.margin import keeps_threshold
-from freefloat.planning.candidates import Candidate, NearAttitude, Peak
+from freefloat.planning.candidates import Candidate, NearAttitude, Peak, ScoredAttitude
 from freefloat.planning.searches.pattern_search import (
     ROUNDS,
     Clouds,
     Flags,
     Pattern,
     Searches,
-    nearest_among,
     pattern_search,
     shortest,
 )
@@ -27,7 +27,7 @@ from freefloat.so3 import Array, IntArray, angle_between, rotated, rotation_vect
 _CLIMBS, _FEW = 16, 3
 """Samples to climb from, and the number of clouds of these climbs."""
 _FINISHED = 4
-"""Number of climbs that are continued to the maximum."""
+"""Number of climbs that are continued."""
 _FINE = 5e-5
 """Clouds smaller than this end a climb [rad]."""
 _NEAREST, _CONE = 3, 0.5
@@ -40,53 +40,9 @@ _EQUAL = 1e-6
 _APART, _AROUND, _MANY = np.radians(0.5), 256, 0.05
 """Distance of attitudes that are not the same optimum [rad], how many around it are tried, and the
 fraction of them with which it is not unique."""
-_PARTS = 8
-EXACT = 6
-"""Rounds of bisection to 4e-6 of the distance."""
 
 Inside = Callable[[Array], Flags]
 """Whether attitudes (K, 4) belong to a set, shape (K,)."""
-
-
-def bisect(inside: Inside, within: Array, beyond: Array, rounds: int = EXACT) -> Array:
-    """Where geodesics from attitudes inside a set to others outside leave it, just inside, (K, 4).
-
-    Each round leaves an eighth of the distance.
-    """
-    vectors = rotation_vector_to(within, beyond)
-    low = np.zeros(len(within))
-    width = 1.0
-    steps = np.arange(1, _PARTS) / _PARTS
-    for _ in range(rounds):
-        fractions = low[:, None] + width * steps
-        rotations = (fractions[:, :, None] * vectors[:, None]).reshape(-1, 3)
-        attitudes = rotated(np.repeat(within, len(steps), axis=0), rotations)
-        stays = inside(attitudes).reshape(fractions.shape)
-        width /= _PARTS
-        low = low + width * np.where(stays.all(axis=1), len(steps), np.argmin(stays, axis=1))
-    return rotated(within, low[:, None] * vectors)
-
-
-def edge(
-    inside: Inside,
-    attitudes: Array,
-    members: Flags,
-    count: int,
-    rounds: int,
-    spacing: float,
-) -> Array:
-    """Attitudes on the boundary of a set, just inside, by bisection between neighbouring samples.
-
-    Of samples (N, 4) with a spacing [rad] some are members of the set, (N,); at most ``count``
-    pairs of neighbours, evenly picked, are bisected.
-    """
-    if members.all() or not members.any():
-        return np.empty((0, 4))
-    within, beyond = attitudes[members], attitudes[~members]
-    angles, other = nearest_among(beyond)(within)
-    (close,) = np.nonzero(angles < 1.5 * spacing)
-    picked = close[np.linspace(0, len(close) - 1, min(count, len(close))).astype(int)]
-    return bisect(inside, within[picked], beyond[other[picked]], rounds)
 
 
 def largest_margins(evaluator: FeasibilityEvaluator, samples: AttitudeMap) -> list[Peak]:
@@ -94,15 +50,13 @@ def largest_margins(evaluator: FeasibilityEvaluator, samples: AttitudeMap) -> li
 
     Many samples climb for a few clouds, the best of them to the top.
     """
-
-    def climb(peaks: list[Peak], size: float, rounds: int = ROUNDS) -> list[Peak]:
-        margins = [peak.minimum_margin for peak in peaks]
-        moved = climbed(evaluator.margins, domain, peaks, margins, size, _FINE, rounds)
-        return [Peak(*entry) for entry in moved]
-
-    spacing, domain = samples.spacing, samples.search.domain
-    peaks = climb(_peaks(samples, 1.5 * spacing), spacing, _FEW)
-    return climb(peaks[:_FINISHED], spacing / 2.0) + peaks[_FINISHED:]
+    columns = dict(samples.branch_margins())
+    margins = np.stack([np.zeros(samples.samples), *columns.values()], axis=1)[:, 1:]
+    table = np.where(margins > 0.0, margins, -np.inf)
+    starts = separate_best(samples.attitudes, table, [*columns], _CLIMBS, samples.spacing)
+    climb = Climb(evaluator.margins, samples.search.domain, _FINE)
+    peaks = climb.to_top(starts, samples.spacing, _FEW, 1)
+    return [Peak(peak.attitude, peak.branch, peak.merit) for peak in peaks]
 
 
 def feasible_peaks(evaluator: FeasibilityEvaluator, samples: AttitudeMap) -> list[Peak]:
@@ -134,62 +88,82 @@ def is_unique(evaluator: FeasibilityEvaluator, best: Peak, domain: SearchDomain)
     return bool((differences < _EQUAL * best.minimum_margin).mean() < _MANY)
 
 
-def climbed(
-    merit: Callable[[Array, IntArray | None], Array],
-    domain: SearchDomain,
-    starts: Sequence[Candidate],
-    merits: Sequence[float],
-    size: float,
-    finest: float,
-    rounds: int = ROUNDS,
-    pattern: Pattern | None = None,
-) -> list[tuple[Array, int | None, float]]:
-    """Attitudes moved to larger merits nearby, inside the searched domain, the best first.
+def separate_best(
+    attitudes: Array, merits: Array, branches: Sequence[int | None], count: int, spacing: float
+) -> list[ScoredAttitude]:
+    """Of attitudes (K, 4) those of the largest merits, no two of a branch near each other.
 
-    Each has the branch of its start, and its merit: that of attitudes (K, 4) along branches (K,).
-    Patterns, clouds when left out, have a first size and end a search when they are smaller than
-    the finest [rad].
+    Args:
+        attitudes: Quaternions x, y, z, w, shape (K, 4).
+        merits: Merits along arm branches, -inf where there is none, shape (K, B).
+        branches: Numbers of the branches; ``[None]`` where the best of them counts.
+        count: Number of attitudes, at most.
+        spacing: Distance of neighbouring attitudes [rad].
     """
-    if not starts:
-        return []
-    branches = branch_numbers(starts)
-
-    def inside(attitudes: Array, searched: IntArray) -> Array:
-        values, within = np.full(len(attitudes), -np.inf), domain.contains(attitudes)
-        if within.any():
-            numbers = None if branches is None else branches[searched[within]]
-            values[within] = merit(attitudes[within], numbers)
-        return values
-
-    first = Searches(
-        np.array([start.attitude for start in starts]),
-        np.array(merits),
-        np.zeros(len(starts), np.int64) if branches is None else branches,
-    )
-    last = pattern_search(pattern or Clouds(), inside, first, size, finest, rounds)
-    found = zip(last.points, starts, last.merits.tolist(), strict=True)
-    moved = [(attitude, start.branch, value) for attitude, start, value in found]
-    return sorted(moved, key=lambda entry: -entry[2])
+    if len(branches) < merits.shape[1]:
+        merits = merits.max(axis=1, keepdims=True)
+    chosen: list[ScoredAttitude] = []
+    for index in np.argsort(-merits, axis=None)[: 16 * count].tolist():
+        row, column = divmod(index, merits.shape[1])
+        candidate = ScoredAttitude(attitudes[row], branches[column], float(merits[row, column]))
+        if np.isfinite(candidate.merit) and not candidate.is_near(chosen, 1.5 * spacing):
+            chosen.append(candidate)
+    return chosen[:count]
 
 
-def _peaks(samples: AttitudeMap, spacing: float) -> list[Peak]:
-    """The samples of the largest margins, no two of a branch near each other."""
-    ranked = sorted(
-        (
-            Peak(samples.attitudes[i], branch, float(margins[i]))
-            for branch, margins in samples.branch_margins()
-            for i in np.argsort(-margins, kind="stable")[: 8 * _CLIMBS]
-            if margins[i] > 0.0
-        ),
-        key=lambda peak: -peak.minimum_margin,
-    )
-    chosen: list[Peak] = []
-    for peak in ranked:
-        if not peak.is_near(chosen, spacing):
-            chosen.append(peak)
-        if len(chosen) == _CLIMBS:
-            break
-    return chosen
+@dataclass(frozen=True, eq=False)
+class Climb:
+    """Search for attitudes of larger merits near others, along their arm branches.
+
+    Attributes:
+        merit: Merits of attitudes (K, 4) along branches (K,), shape (K,).
+        domain: The searched domain.
+        finest: Patterns smaller than this end a search [rad].
+        pattern: Attitudes around others.
+    """
+
+    merit: Callable[[Array, IntArray | None], Array]
+    domain: SearchDomain
+    finest: float
+    pattern: Pattern = field(default_factory=Clouds)
+
+    def __call__(
+        self, starts: Sequence[ScoredAttitude], size: float, rounds: int = ROUNDS
+    ) -> list[ScoredAttitude]:
+        """Starts moved to larger merits nearby, the best first, by patterns of a first size."""
+        if not starts:
+            return []
+        branches = branch_numbers(starts)
+
+        def inside(attitudes: Array, searched: IntArray) -> Array:
+            values, within = np.full(len(attitudes), -np.inf), self.domain.contains(attitudes)
+            if within.any():
+                numbers = None if branches is None else branches[searched[within]]
+                values[within] = self.merit(attitudes[within], numbers)
+            return values
+
+        first = Searches(
+            np.array([start.attitude for start in starts]),
+            np.array([start.merit for start in starts]),
+            np.zeros(len(starts), np.int64) if branches is None else branches,
+        )
+        last = pattern_search(self.pattern, inside, first, size, self.finest, rounds)
+        found = zip(last.points, starts, last.merits.tolist(), strict=True)
+        moved = [ScoredAttitude(attitude, start.branch, value) for attitude, start, value in found]
+        return sorted(moved, key=lambda entry: -entry.merit)
+
+    def to_top(
+        self, starts: Sequence[ScoredAttitude], spacing: float, rounds: int = ROUNDS,
+        continued: int = 2,
+    ) -> list[ScoredAttitude]:  # fmt: skip
+        """Starts moved as far as some rounds lead, and the best few of them farther.
+
+        Searches that end on ridges are continued with larger patterns.
+        """
+        moved = self(starts, spacing, rounds)
+        for _ in range(continued):
+            moved = self(moved[:_FINISHED], spacing / 2.0) + moved[_FINISHED:]
+        return moved
 
 
 def nearest_feasible(

@@ -7,6 +7,7 @@ Touch points, which come from equations alone, so check what bisection between s
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -22,11 +23,12 @@ from freefloat.errors import InputError, require_type, whole_number
 from freefloat.limits.limits import Limits, limits_for
 from freefloat.motion.problem import Problem, require_problem
 from freefloat.planning.candidates import BoundaryPoint
-from freefloat.planning.evaluator import evaluator_for
-from freefloat.planning.plane.heading_map import HeadingMap
+from freefloat.planning.margin_map import HeadingMap
+from freefloat.planning.motions import evaluator_for
+from freefloat.planning.searches.pattern_search import Flags, nearest_among
 from freefloat.planning.settings import FEWEST_SAMPLES, HEADINGS, Search
 from freefloat.planning.space.attitude_map import AttitudeMap, find_regions
-from freefloat.planning.space.climbing import EXACT, bisect, edge, feasible_peaks, nearest_feasible
+from freefloat.planning.space.climbing import feasible_peaks, nearest_feasible
 from freefloat.planning.space.deepest_ball import deepest
 from freefloat.planning.touching.touch_points import (
     boundary_attitude,
@@ -44,6 +46,8 @@ _BLOCK = 2048
 _RADIUS, _CLOUD = 0.02, 96
 """Distance from an attitude at which both sides of the boundary are searched for [rad], and the
 attitudes that search."""
+_PARTS, _ROUNDS = 8, 6
+"""Parts of a geodesic in each round of bisection, and rounds, to 4e-6 of the distance."""
 _BATCHES, _SPARE = 8, 3
 """Maximum number of batches of touch points, and points per missing one in each: many belong
 to wrist-flipped branches or to motions that violate the margin elsewhere."""
@@ -105,7 +109,10 @@ def attitude_map(
     problem = search.applied_to(problem)
     samples = search.samples if samples is None else samples
     if problem.has_headings:
-        _require_none(nearest=nearest is not None, boundary=boundary, touch=touch)
+        spatial = {"nearest": nearest is not None, "boundary": boundary, "touch": touch}
+        for key in (name for name, requested in spatial.items() if requested):
+            accepted = "a spatial task; freefloat plan has ranges"
+            raise InputError(key, "the task is planar", accepted)
         count = HEADINGS if samples is None else samples
         headings = sample_headings(evaluator_for(problem, threads, limits), count, search, progress)
         return replace(headings, limits=limits, seconds=time.perf_counter() - start)
@@ -138,13 +145,6 @@ def attitude_map(
     if progress is not None:
         progress(1.0)
     return replace(result, seconds=time.perf_counter() - start)
-
-
-def _require_none(**spatial: bool | int) -> None:
-    """Raise an InputError for a search that only maps of spatial tasks have."""
-    for key, requested in spatial.items():
-        if requested:
-            raise InputError(key, "the task is planar", "a spatial task; freefloat plan has ranges")
 
 
 def sample_headings(
@@ -213,15 +213,40 @@ def boundary_points(
 ) -> tuple[BoundaryPoint, ...]:
     """Attitudes on the boundary of the feasible set, by bisection between neighbouring samples.
 
-    There are at most ``count`` points for each arm branch.
+    There are at most ``count`` points for each arm branch, evenly picked.
     """
     points: list[BoundaryPoint] = []
     for branch, margins in samples.branch_margins():
-        inside = partial(evaluator.keeps, branch=branch)
         members = samples.problem.margin.keeps(margins)
-        attitudes = edge(inside, samples.attitudes, members, count, EXACT, samples.spacing)
+        if members.all() or not members.any():
+            continue
+        within, beyond = samples.attitudes[members], samples.attitudes[~members]
+        angles, other = nearest_among(beyond)(within)
+        (close,) = np.nonzero(angles < 1.5 * samples.spacing)
+        picked = close[np.linspace(0, len(close) - 1, min(count, len(close))).astype(int)]
+        inside = partial(evaluator.keeps, branch=branch)
+        attitudes = bisect(inside, within[picked], beyond[other[picked]])
         points += [BoundaryPoint(attitude, branch) for attitude in attitudes]
     return tuple(points)
+
+
+def bisect(inside: Callable[[Array], Flags], within: Array, beyond: Array) -> Array:
+    """Where geodesics from attitudes inside a set to others outside leave it, just inside, (K, 4).
+
+    Each round leaves an eighth of the distance.
+    """
+    vectors = rotation_vector_to(within, beyond)
+    low = np.zeros(len(within))
+    width = 1.0
+    steps = np.arange(1, _PARTS) / _PARTS
+    for _ in range(_ROUNDS):
+        fractions = low[:, None] + width * steps
+        rotations = (fractions[:, :, None] * vectors[:, None]).reshape(-1, 3)
+        attitudes = rotated(np.repeat(within, len(steps), axis=0), rotations)
+        stays = inside(attitudes).reshape(fractions.shape)
+        width /= _PARTS
+        low = low + width * np.where(stays.all(axis=1), len(steps), np.argmin(stays, axis=1))
+    return rotated(within, low[:, None] * vectors)
 
 
 def tangent_boundary(

@@ -4,22 +4,27 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import partial
-from typing import NamedTuple
+
+import numpy as np
 
 from freefloat.concurrency import Progress, step_of
 from freefloat.limits.check import LimitChecker
 from freefloat.limits.limits import Limits
-from freefloat.limits.result import needed_stretch, violated
+from freefloat.limits.result import LimitResult, needed_stretch, violated
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.problem import Problem
 from freefloat.paths.time_laws import Speeds, TimeLaw
 from freefloat.paths.timing import Timing
-from freefloat.planning.evaluator import evaluator_for
-from freefloat.planning.limits.trials import OVER, PassedTrial
+from freefloat.planning.limits.trials import OVER
+from freefloat.planning.motions import (
+    SimulatedBranch,
+    evaluator_for,
+    integrate_from,
+    simulated_branch,
+)
 from freefloat.planning.path_planner import certified, plan_held, plan_path, stretched_plan
 from freefloat.planning.plan import Plan
 from freefloat.planning.reasons import FASTEST, FIRST_GUESS, HELD, NO_FASTEST
-from freefloat.planning.simulated_branch import SimulatedBranch, integrate_from, simulated_branch
 from freefloat.planning.space.tolerances import tolerance
 from freefloat.planning.timing.speed_profile import INTERVALS, fastest_speeds
 
@@ -55,29 +60,36 @@ def agreeing_plan(
     slow: Plan | None = None
     for number in range(_MOST):
         step = step_of(progress, number / _MOST, (number + 1) / _MOST)
-        attempt = _attempt(chosen, limits)
-        if attempt.passed is not None and attempt.settled:
-            held = plan_held(
-                attempt.passed, search=plan.search, limits=limits, threads=threads, progress=step
-            )
-            return held, True
-        if attempt.passed is not None:
-            chosen = attempt.passed[0]
-            continue
+        fastest, settled = _with_fastest_timing(chosen, limits)
+        problem, too_fast = chosen.motion.problem, fastest is None
+        if fastest is not None:
+            problem = fastest.motion.problem
+            trials = _TRIALS if settled else 1
+            moved, results, too_fast = slowed(problem, fastest, limits, trials, _LITTLE)
+            too_fast = too_fast and settled
+            if moved.verdict(results).feasible and settled:
+                held = plan_held(
+                    (moved, results), search=plan.search, limits=limits, threads=threads,
+                    progress=step,
+                )  # fmt: skip
+                return held, True
+            if moved.verdict(results).feasible:
+                chosen = moved
+                continue
         planned = partial(plan_path, search=plan.search, threads=threads, progress=step)
-        if attempt.too_fast and slow is not None:
+        if too_fast and slow is not None:
             return replace(slow, reason=f"{slow.reason}; {NO_FASTEST}"), False
-        if attempt.too_fast:
+        if too_fast:
             current = slow = stretched_plan(partial(planned, limits=limits), plan.problem)
             if not slow.feasible:
                 return at_first_guess(slow, plan.problem), False
         else:
             narrower = limits.narrower(NARROWER * (number + 2))
-            current = planned(attempt.problem, limits=narrower, to_retime=True)
+            current = planned(problem, limits=narrower, to_retime=True)
         if current.chosen is None or not current.feasible:
             break
         chosen = current.chosen
-    last = with_timing(plan, chosen, attempt.problem, limits)
+    last = with_timing(plan, chosen, problem, limits)
     if last.feasible:
         last = with_tolerances(replace(last, reason=f"{HELD}; {NO_FASTEST}"), limits, threads)
     return replace(last, limits=limits), False
@@ -89,52 +101,30 @@ def at_first_guess(plan: Plan, problem: Problem) -> Plan:
     return replace(plan, reason=reason)
 
 
-class _Attempt(NamedTuple):
-    """The attitude of a motion with the fastest timing of that motion.
+def slowed(
+    problem: Problem, before: SimulatedBranch, limits: Limits, trials: int, most: float = np.inf
+) -> tuple[SimulatedBranch, tuple[LimitResult, ...], bool]:
+    """The motion from the same state at another timing, slower ones while it is too fast.
 
-    Attributes:
-        problem: The problem with the timing; with the motion's own where none is found.
-        settled: Whether the timing is the fastest of the motion with it.
-        passed: The motion with it, or a little slower; None where it violates margin or limits.
-        too_fast: Whether rates or torques alone are why there is none.
-    """
-
-    problem: Problem
-    settled: bool
-    passed: PassedTrial | None
-    too_fast: bool = False
-
-
-def _attempt(before: SimulatedBranch, limits: Limits) -> _Attempt:
-    """Retime the motion from an attitude, and check it with that timing, or one a little slower."""
-    fastest, settled = _with_fastest_timing(before, limits)
-    if fastest is None:
-        return _Attempt(before.motion.problem, settled, None, too_fast=True)
-    passed, too_fast = _passing_motion(fastest, limits, _TRIALS if settled else 1)
-    return _Attempt(fastest.motion.problem, settled, passed, too_fast and settled)
-
-
-def _passing_motion(
-    fastest: SimulatedBranch, limits: Limits, trials: int
-) -> tuple[PassedTrial | None, bool]:
-    """The first of a few motions, each a little slower than before, that keeps margin and limits.
+    Args:
+        problem: The problem with the timing.
+        before: The motion from that state.
+        limits: The limits.
+        trials: Number of timings, each more slowed down than the one before.
+        most: Largest factor on the duration that is tried.
 
     Returns:
-        None where none does, and whether rates or torques alone are why.
+        The motion, limits along it, and whether rates or torques alone are violated.
     """
-    simulated, problem = fastest, fastest.motion.problem
-    checker = LimitChecker(problem, limits)
     for trial in range(trials):
-        results = checker.results(simulated.motion)
-        if simulated.verdict(results).feasible:
-            return (simulated, results), False
+        chosen = integrate_from(problem, before.motion.initial.attitude, before.branch)
+        results = LimitChecker(problem, limits).results(chosen.motion)
         stretch = needed_stretch(results)
         too_fast = stretch > 1.0 and all(entry.timed for entry in violated(results))
-        if not too_fast or stretch > _LITTLE:
+        if not too_fast or stretch > most:
             break
         problem = problem.stretched((stretch * OVER) ** 2**trial)
-        simulated = integrate_from(problem, fastest.motion.initial.attitude, fastest.branch)
-    return None, too_fast
+    return chosen, results, too_fast
 
 
 def _with_fastest_timing(
@@ -166,10 +156,15 @@ def with_speeds(problem: Problem, speeds: Speeds) -> Problem:
     return replace(problem, path=replace(problem.path, timing=timing))
 
 
-def with_timing(plan: Plan, before: SimulatedBranch, problem: Problem, limits: Limits) -> Plan:
-    """The plan with the motion from the same state at another timing; its states are the same."""
-    chosen = integrate_from(problem, before.motion.initial.attitude, before.branch)
-    results = LimitChecker(problem, limits).results(chosen.motion)
+def with_timing(
+    plan: Plan, before: SimulatedBranch, problem: Problem, limits: Limits, trials: int = 1
+) -> Plan:
+    """The plan with the motion from the same state at another timing; its states are the same.
+
+    The timing is slowed down where rates or torques require it, see :func:`slowed`.
+    """
+    chosen, results, _ = slowed(problem, before, limits, trials)
+    problem = chosen.motion.problem
     verdict = chosen.verdict(results)
     reason = plan.reason if verdict.feasible else f"{FASTEST} {verdict}"
     samples = None if plan.map is None else replace(plan.map, problem=problem)

@@ -10,11 +10,9 @@ import numpy as np
 from freefloat.concurrency import Progress
 from freefloat.errors import InputError, require_type
 from freefloat.limits.limits import Limits
-from freefloat.limits.result import needed_stretch
 from freefloat.motion.motion import Motion
-from freefloat.planning.limits.trials import OVER
+from freefloat.planning.motions import SimulatedBranch
 from freefloat.planning.plan import Plan
-from freefloat.planning.simulated_branch import SimulatedBranch
 from freefloat.planning.timing.agreement import (
     agreeing_plan,
     with_speeds,
@@ -26,8 +24,8 @@ from freefloat.planning.timing.speed_profile import fastest_speeds, require_cons
 _SLOWER, _SLOWDOWNS = 2.0, 16
 """Factor on the duration up to which a scene that tumbles may slow it down, and how many are tried;
 the duration of the plan is among them."""
-_TRIALS = 6
-"""How often a timing is slowed down, each time more; once is enough where arms have no weight."""
+_TRIALS = 7
+"""Timings that are tried, each slower than the one before; two are enough without weight."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,13 +94,8 @@ def retime(plan: Plan, *, threads: int | None = None, progress: Progress | None 
         return _retiming(result, plan, agrees)
     speeds = fastest_speeds(chosen.motion, limits)
     problem = with_speeds(plan.problem, speeds) if speeds else plan.problem
-    result = with_timing(plan, chosen, problem, limits)
-    for trial in range(_TRIALS):
-        if (stretch := needed_stretch(result.limit_results)) <= 1.0 or not speeds:
-            break
-        problem = problem.stretched((stretch * OVER) ** 2**trial)
-        result = with_timing(plan, chosen, problem, limits)
-    if not result.feasible and problem.scene.tumbles:
+    result = with_timing(plan, chosen, problem, limits, _TRIALS if speeds else 1)
+    if not result.feasible and plan.problem.scene.tumbles:
         result = _with_slower_timing(plan, chosen, result, limits)
     return _retiming(with_tolerances(result, limits, threads), plan, agrees=True)
 

@@ -129,10 +129,7 @@ def _suited_knots(knots: Array, x: Array, intervals: int) -> Array:
 
 
 def _largest_squares(
-    knots: Array,
-    rows: Callable[[Array], LimitRows],
-    weights: Array,
-    growth: float | None = None,
+    knots: Array, rows: Callable[[Array], LimitRows], weights: Array, growth: float | None = None
 ) -> Array:
     """Squared speeds at knots of the largest weighted sum; zeros where none keep the limits.
 

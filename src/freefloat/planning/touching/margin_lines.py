@@ -7,6 +7,10 @@ wrist angles follow. These states form a surface over (arc, roll), an arc being 
 (time, q3); the margin surface intersects it in lines. For the measure ``arm``, S depends on
 (q2, q3) alone (40): the lines have constant time and q3. For every other measure they are contours
 of S.
+
+With momentum or drift the system moves while the end-effector rests, and touch points there are
+found like any other. Without them everything is at rest there, dS/dt = 0 is no condition, and the
+minimum of S does not depend on the speed: rates are then per unit of s.
 """
 
 from __future__ import annotations
@@ -88,7 +92,6 @@ class StatesOnPath:
     def __init__(self, problem: Problem, q1: float, q2: float | Array) -> None:
         self.problem, self.q2, self._q1 = problem, q2, q1
         self.measure = problem.margin.measure
-        self._gradient = lru_cache(1024)(self._gradient_in_plane)  # along a line it is constant
         self._by_time = problem.depends_on_timing
         self._solver = problem.resolved_rate_solver()
         self.path = path_of_point_3(problem)
@@ -134,38 +137,28 @@ class StatesOnPath:
         values[known] = self.measure(joints[known])
         return values
 
-    def _rates(self, t: float, attitude: Array, joints: Array) -> tuple[Array, Array]:
-        """Base and joint rates (8), per second; without momentum and drift per unit of s."""
+    def _rates(self, t: Array, attitudes: Array, joints: Array) -> tuple[Array, Array]:
+        """Base and joint rates (8) of K states, per second; without momentum and drift per s."""
         path = self.problem.path
-        twist = path.twist(t) if self._by_time else path.path.tangent(path.timing.s(t))
-        return self._solver.rates(attitude, joints, twist)
+        twists = path.twist(t) if self._by_time else path.path.tangent(path.timing.s(t))
+        return self._solver.rates(attitudes, joints, twists)
 
     def slopes(self, t: Array, attitudes: Rotation, joints: Array) -> Array:
         """Rates dS/dt of (14) along motions through states, (K,); NaN where those are singular."""
-        slopes = np.full(len(t), np.nan)
-        for k, (time, attitude, q) in enumerate(zip(t, attitudes.as_quat(), joints, strict=True)):
-            rates = self._rates(float(time), attitude, q)[1]
-            speed = float(np.linalg.norm(rates))
-            if not np.isfinite(speed + q.sum()):
-                continue
-            if self.measure.name == "arm":
-                slopes[k] = self._gradient(*q[1:3].tolist()) @ rates[1:3]
-            else:
-                step = rates * (_STEP / (speed or 1.0))
-                difference = self.measure(q + step) - self.measure(q - step)
-                slopes[k] = speed * difference / (2.0 * _STEP)
-        return slopes
-
-    def _gradient_in_plane(self, q2: float, q3: float) -> Array:
-        """Derivatives of S(q2, q3) (40), shape (2,)."""
-        q, steps = np.array([0.0, q2, q3, 0.0, 0.0, 0.0]), _STEP * np.eye(6)[1:3]
-        differences = [self.measure(q + step) - self.measure(q - step) for step in steps]
-        return np.array(differences) / (2.0 * _STEP)
+        slopes, known = np.full(len(t), np.nan), np.isfinite(joints).all(axis=1)
+        q = joints[known]
+        rates = self._rates(t[known], attitudes.as_quat()[known], q)[1]
+        speeds = np.linalg.norm(rates, axis=1)
+        with np.errstate(invalid="ignore"):
+            steps = rates * (_STEP / np.where(speeds > 0.0, speeds, 1.0))[:, None]
+        differences = self.measures(q + steps) - self.measures(q - steps)
+        slopes[known] = speeds * differences / (2.0 * _STEP)
+        return np.where(np.isfinite(slopes), slopes, np.nan)
 
     def is_minimum(self, t: float, attitude: Rotation, joints: Array, level: float) -> bool:
         """Whether the magnitude of S has a minimum, not a maximum, along the motion."""
         path = self.problem.path
-        omega, rates = self._rates(t, attitude.as_quat(), joints)
+        (omega,), (rates,) = self._rates(np.array([t]), attitude.as_quat()[None], joints[None])
         speed = 1.0 if self._by_time else path.timing.s(t, 1)
         fastest = speed * max(np.abs(omega).max(), np.abs(rates).max())
         steps = np.array([[1e-4], [-1e-4]]) / max(fastest, 1.0 / path.duration)

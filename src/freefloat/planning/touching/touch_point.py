@@ -10,6 +10,8 @@ from operator import attrgetter
 
 import numpy as np
 
+from freefloat.motion.integration import integrate_motion
+from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
 from freefloat.records import Joints, Quaternions
 from freefloat.so3 import Array, angle_between, frozen
@@ -66,6 +68,21 @@ class TouchPoint:
 def touches(smallest: float, level: float) -> bool:
     """Whether the smallest magnitude of S along a motion is that of S0, other than zero."""
     return level != 0.0 and math.isclose(smallest, abs(level), rel_tol=_ON_BOUNDARY)
+
+
+def motion_through(problem: Problem, point: TouchPoint, span: tuple[float, float]) -> Motion | None:
+    """The motion that passes a touch point, from the first to the last time of a span [s].
+
+    Returns:
+        None where it is singular before the touch point.
+    """
+    attitude, joints, (start, end) = point.attitude, point.joints, span
+    if point.time > start:
+        backward = integrate_motion(problem, attitude, joints, start=point.time, end=start)
+        if not backward.completed:
+            return None
+        attitude, joints = backward.final.attitude, backward.final.joints
+    return integrate_motion(problem, attitude, joints, start=start, end=end)
 
 
 def distinct(

@@ -1,21 +1,40 @@
-"""Touch points of planar and spatial arms, and the initial states from which motions have them."""
+"""Touch points of planar and spatial arms, and the initial states from which motions have them.
+
+In space (Section VI), Case I, inside the path: at given first two joint angles the states on the
+path and on the margin surface form lines; the motion through a state of them is tangent to the
+surface where dS/dt = 0 (14). Case II, at an end: the time is given and dS/dt = 0 is no condition.
+At given first joint angle and roll about point 3 the distance of point 3, (16), leaves curves of
+(q2, q3), and S = S0 (15) selects states on them.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
+import scipy
+from contourpy import contour_generator
 
 from freefloat.attitude_grids import low_discrepancy
 from freefloat.dynamics.tasks import Task
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.errors import InputError
 from freefloat.motion.extrema import closest_approach
-from freefloat.motion.integration import integrate_motion
-from freefloat.motion.motion import Motion, State
+from freefloat.motion.motion import State
 from freefloat.motion.problem import Problem
+from freefloat.planning.touching.margin_lines import StatesOnPath, margin_lines, path_of_point_3
 from freefloat.planning.touching.planar_points import planar_touch_points
-from freefloat.planning.touching.spatial_points import end_points, tangent_points
-from freefloat.planning.touching.touch_point import TouchPoint, touches
+from freefloat.planning.touching.touch_point import (
+    TouchKind,
+    TouchPoint,
+    distinct_in_space,
+    motion_through,
+    roots_between,
+    touches,
+)
 from freefloat.regions.planar_regions import has_two_angle_form
+from freefloat.rotations import Rotation
+from freefloat.so3 import Array
 
 _PAIRS = 50
 """Pairs of angles tried for each touch point requested."""
@@ -124,21 +143,6 @@ def boundary_attitude(problem: Problem, point: TouchPoint) -> State | None:
     return motion.initial if motion.completed and touches(smallest, point.level) else None
 
 
-def motion_through(problem: Problem, point: TouchPoint, span: tuple[float, float]) -> Motion | None:
-    """The motion that passes a touch point, from the first to the last time of a span [s].
-
-    Returns:
-        None where it is singular before the touch point.
-    """
-    attitude, joints, (start, end) = point.attitude, point.joints, span
-    if point.time > start:
-        backward = integrate_motion(problem, attitude, joints, start=point.time, end=start)
-        if not backward.completed:
-            return None
-        attitude, joints = backward.final.attitude, backward.final.joints
-    return integrate_motion(problem, attitude, joints, start=start, end=end)
-
-
 def require_touch_point_arm(problem: Problem) -> None:
     """Raise an InputError unless the task and arm suit :func:`touch_points`."""
     arm = "six revolute joints, the second and third parallel, the last three intersecting"
@@ -159,3 +163,127 @@ def require_touch_points(problem: Problem) -> None:
         raise InputError(
             "touch", "the margin is zero, no motion is tangent to it", "a margin other than zero"
         )
+
+
+_EXACT = 1e-8
+_ANGLES = np.linspace(-np.pi, np.pi * (1.0 + 2.0 / 180), 182)
+"""Angles at which the distance is computed; one step more than a revolution, so that a root at its
+ends is found."""
+
+
+def tangent_points(
+    problem: Problem, q1: float, q2: float, levels: tuple[float, ...]
+) -> tuple[TouchPoint, ...]:
+    """Every touch point of Case I with given first two joint angles [rad] and signed S0."""
+    on_path = StatesOnPath(problem, q1, q2)
+    points = [
+        point
+        for wrist in (1.0, -1.0)
+        for value, line in margin_lines(on_path, wrist, levels)
+        for point in _points_on_line(on_path, wrist, value, line)
+    ]
+    return distinct_in_space(problem, points)
+
+
+def _points_on_line(
+    on_path: StatesOnPath, wrist: float, level: float, line: Array
+) -> Iterator[TouchPoint]:
+    """Minima of the magnitude of S where dS/dt changes sign along a line.
+
+    From states of :meth:`StatesOnPath.configurations` the distance of point 3, S = S0 and dS/dt = 0
+    are solved to rounding.
+    """
+    problem, duration = on_path.problem, on_path.problem.path.duration
+    slopes = on_path.slopes(line[:, 0], *on_path.configurations(line, wrist))
+    steepness = np.abs(slopes[np.isfinite(slopes)]).max(initial=0.0)
+
+    def errors(x: Array) -> Array:
+        """Three numbers, NaN where the wrist has no solution."""
+        state = np.array([[duration * x[0], *x[1:]]])
+        t, q3, _ = state.T
+        attitudes, joints = on_path.configurations(state, wrist)
+        radii, point_3 = on_path.wrist(q3), on_path.path.at(t)[0]
+        distance = np.linalg.norm(radii) - np.linalg.norm(point_3)
+        (S,), (slope,) = on_path.measures(joints), on_path.slopes(t, attitudes, joints)
+        return np.array([distance / on_path.reach, S / level - 1.0, slope / steepness])
+
+    for i in roots_between(slopes):
+        start = (line[i] + line[i + 1]) / 2.0
+        solution = scipy.optimize.root(errors, [start[0] / duration, *start[1:]], tol=1e-12)
+        tau, q3, roll = solution.x.tolist()
+        if not np.abs(solution.fun).max() < _EXACT or not 0.0 < tau < 1.0:
+            continue
+        t = duration * tau
+        attitudes, joints = on_path.configurations(np.array([[t, q3, roll]]), wrist)
+        if on_path.is_minimum(t, attitudes[0], joints[0], level):
+            state = attitudes[0].as_quat(), joints[0]
+            yield TouchPoint.in_space(problem, TouchKind.TANGENT, t, level, *state)
+
+
+def end_points(
+    problem: Problem, q1: float, roll: float, levels: tuple[float, ...]
+) -> tuple[TouchPoint, ...]:
+    """Every touch point of Case II with given first joint angle, roll [rad] and signed S0."""
+    ends = (TouchKind.START, 0.0), (TouchKind.END, problem.path.duration)
+    return distinct_in_space(problem, [
+        point
+        for kind, t in ends
+        for wrist in (1.0, -1.0)
+        for point in _points_at_end(problem, (kind, t), (q1, roll, wrist), levels)
+    ])  # fmt: skip
+
+
+def _points_at_end(
+    problem: Problem,
+    end: tuple[TouchKind, float],
+    given: tuple[float, float, float],
+    levels: tuple[float, ...],
+) -> Iterator[TouchPoint]:
+    """Touch points; (15) and (16) are solved from where S - S0 changes sign on a curve.
+
+    States are those of places (q2, q3), shape (K, 2), at the time of an end and with first joint
+    angle, roll and sign of the wrist as given.
+    """
+    (kind, t), (q1, roll, wrist) = end, given
+    reach = VirtualManipulator.of(problem.model).reach
+    point_3, _ = path_of_point_3(problem).at(np.array([t]))
+
+    def on_path(places: Array) -> StatesOnPath:
+        return StatesOnPath(problem, q1, places[:, 0])
+
+    def configurations(places: Array) -> tuple[Rotation, Array]:
+        time, rolls = np.broadcast_to([[t], [roll]], (2, len(places)))
+        states = np.column_stack([time, places[:, 1], rolls])
+        return on_path(places).configurations(states, wrist)
+
+    def off(places: Array) -> Array:
+        """Distance of the wrist from the centre of mass, less the distance of point 3 [m], (K,)."""
+        radii = np.linalg.norm(on_path(places).wrist(places[:, 1]), axis=1)
+        return np.asarray(radii - np.linalg.norm(point_3))
+
+    def measures(places: Array) -> Array:
+        """S, (K,); NaN where the wrist has no solution."""
+        return on_path(places).measures(configurations(places)[1])
+
+    def refined(start: Array, level: float) -> Iterator[TouchPoint]:
+        """The touch point near a place, unless the magnitude of S falls inside the path."""
+        solution = scipy.optimize.root(
+            lambda x: np.append(measures(x[None]) / level - 1.0, off(x[None]) / reach),
+            start, tol=1e-13,
+        )  # fmt: skip
+        if not np.abs(solution.fun).max() < _EXACT:
+            return
+        attitudes, joints = configurations(solution.x[None])
+        (slope,) = on_path(solution.x[None]).slopes(np.array([t]), attitudes, joints)
+        inward = -1.0 if kind is TouchKind.END else 1.0
+        if inward * level * slope >= 0.0:
+            yield TouchPoint.in_space(problem, kind, t, level, attitudes.as_quat()[0], joints[0])
+
+    q2, q3 = np.meshgrid(_ANGLES, _ANGLES)
+    distances = off(np.column_stack([q2.ravel(), q3.ravel()])).reshape(q2.shape)
+    for line in contour_generator(_ANGLES, _ANGLES, distances).lines(0.0):
+        places = np.asarray(line)
+        S = measures(places)
+        for level in levels:
+            for i in roots_between(S - level):
+                yield from refined((places[i] + places[i + 1]) / 2.0, level)

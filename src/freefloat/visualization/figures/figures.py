@@ -20,15 +20,14 @@ from freefloat.motion.extrema import closest_approach
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
 from freefloat.planning.answer import Answer
-from freefloat.planning.evaluator import evaluator_for
-from freefloat.planning.margin_map import MarginMap
+from freefloat.planning.margin_map import HeadingMap, MarginMap
+from freefloat.planning.motions import evaluator_for
 from freefloat.planning.plan import Plan
 from freefloat.planning.plane.arcs import BranchRanges
-from freefloat.planning.plane.heading_map import HeadingMap
 from freefloat.planning.simulation import Simulation, simulate
 from freefloat.planning.space.attitude_map import AttitudeMap
 from freefloat.planning.space.mapping import sample_headings
-from freefloat.planning.touching.touch_points import motion_through
+from freefloat.planning.touching.touch_point import motion_through
 from freefloat.regions.planar_regions import has_two_angle_form
 from freefloat.regions.workspace import Workspace, workspace_regions
 from freefloat.visualization.figure_style import Figures, styled

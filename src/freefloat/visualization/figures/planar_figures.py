@@ -9,8 +9,8 @@ from matplotlib.figure import Figure
 
 from freefloat.ensemble.endings import LIMITED
 from freefloat.ik.labels import branch_name, short_label
+from freefloat.planning.margin_map import HeadingMap
 from freefloat.planning.plane.arcs import BranchRanges
-from freefloat.planning.plane.heading_map import HeadingMap
 from freefloat.so3 import Array
 from freefloat.visualization.figure_style import (
     BLACK,

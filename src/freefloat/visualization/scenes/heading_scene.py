@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from freefloat.ik.labels import branch_name
-from freefloat.planning.plane.heading_map import HeadingMap
+from freefloat.planning.margin_map import HeadingMap
 from freefloat.so3 import Array, IntArray
 from freefloat.visualization.scenes.description import (
     Label,

@@ -31,10 +31,10 @@ from freefloat.motion.problem import Problem
 from freefloat.paths.relative_path import RelativePath
 from freefloat.paths.timed_path import TimedPath
 from freefloat.paths.transfer import transfer
+from freefloat.planning.motions import SimulatedBranch, branch_at
 from freefloat.planning.plan import Plan
 from freefloat.planning.reasons import PRECEDED, Cause, Verdict
 from freefloat.planning.settings import Search
-from freefloat.planning.simulated_branch import SimulatedBranch, branch_at
 from freefloat.scene.scene import FRAMES
 from freefloat.so3 import Pose
 

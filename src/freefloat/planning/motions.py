@@ -1,4 +1,4 @@
-"""An arm branch with its motion: how far it gets, and how near it comes to a singularity."""
+"""Precise motions of arm branches, and the evaluator of many motions for planning."""
 
 from __future__ import annotations
 
@@ -6,10 +6,15 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+import numpy as np
+
 from freefloat.dynamics.redundancy import Redundancy
 from freefloat.ensemble.compiled_motions import precise_motion
+from freefloat.ensemble.feasibility import FeasibilityEvaluator
+from freefloat.ensemble.tolerances import step_tolerance
 from freefloat.ik.branches import ArmBranch
 from freefloat.ik.numbering import MAX_BRANCHES
+from freefloat.limits.limits import Limits
 from freefloat.limits.result import LimitResult
 from freefloat.motion.extrema import ClosestApproach, closest_approach, unwrapped
 from freefloat.motion.integration import integrate_motion
@@ -17,6 +22,7 @@ from freefloat.motion.motion import Ending, Motion
 from freefloat.motion.problem import Problem
 from freefloat.motion.singularity import singular_event
 from freefloat.planning.reasons import Verdict, verdict_on
+from freefloat.planning.settings import Search
 from freefloat.so3 import Array, frozen
 
 _SAME_BRANCH = 1e-6
@@ -125,3 +131,40 @@ def branch_at(problem: Problem, attitude: Array, joints: Array) -> ArmBranch:
             if problem.model.joint_distance(branch.joints, joints) < _SAME_BRANCH:
                 index, label = branch.index, branch.label
     return ArmBranch(index, label, frozen(joints))
+
+
+def evaluator_for(
+    problem: Problem,
+    threads: int | None = None,
+    limits: Limits | None = None,
+    search: Search | None = None,
+) -> FeasibilityEvaluator:
+    """The evaluator of a problem, for planar tasks precise enough for the limits of ranges.
+
+    It measures the spacecraft's turn where the objective of the search depends on that.
+    """
+    limits = limits or Limits()
+    if search is not None and search.objective.measures_turn and limits.base_turn is None:
+        limits = replace(limits, base_turn=np.pi)
+    return FeasibilityEvaluator(problem, threads, tolerance=step_tolerance(problem), limits=limits)
+
+
+def evaluator_near(evaluator: FeasibilityEvaluator, joints: Array) -> FeasibilityEvaluator:
+    """The evaluator of motions like one that begins with joints (n,), to which tolerances belong.
+
+    A redundant arm begins where Newton's method leads from them; other arms in their branch.
+    """
+    problem = evaluator.problem
+    if not problem.redundant or problem.start_joints is not None:
+        return evaluator
+    return FeasibilityEvaluator(
+        replace(problem, start_joints=joints), evaluator.threads,
+        tolerance=step_tolerance(problem), limits=evaluator.limits,
+    )  # fmt: skip
+
+
+def best_branch(evaluator: FeasibilityEvaluator, attitude: Array) -> tuple[int, Array]:
+    """Number and initial joints of the arm branch with the largest margin at an attitude."""
+    results = evaluator.evaluate(attitude[None])
+    branch = int(np.argmax(results.margins[0]))
+    return branch, results.joints[0, branch]
