@@ -29,6 +29,7 @@ def smaller_searches() -> Iterator[None]:
         patch.setattr(tolerances, "_WIDE", 128)
         patch.setattr(tolerances, "EFFORT", SearchEffort(768, 16))
         patch.setattr(deepest, "_ROUNDS", 6)
+        patch.setattr(deepest, "EFFORT", SearchEffort(768, 16))
         patch.setattr(tolerances, "MOMENTUM_EFFORT", SearchEffort(384, 12))
         yield
 

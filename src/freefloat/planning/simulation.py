@@ -144,7 +144,8 @@ def simulate(
         integrate_from(problem, attitude, start, stop_at_margin=stop_at_margin, tolerance=tolerance)
         for start in branches
     ]
-    candidates = _ranked(simulated)
+    ranked = sorted(simulated, key=_score, reverse=True)
+    candidates = [entry for entry in ranked if entry.feasible] or ranked[:1]
     if requested is not None:
         candidates = [simulated[branches.index(requested)]]
     checked = _within_limits(candidates, checker)
@@ -175,12 +176,6 @@ def _branches(
         numbers = ", ".join(map(str, numbered))
         raise InputError("branch", f"there is no branch {branch} here", numbers)
     return branches, numbered[branch]
-
-
-def _ranked(branches: list[SimulatedBranch]) -> list[SimulatedBranch]:
-    """The feasible branches, the best first; where none is, the best of all."""
-    ranked = sorted(branches, key=_score, reverse=True)
-    return [branch for branch in ranked if branch.feasible] or ranked[:1]
 
 
 def _within_limits(

@@ -9,7 +9,6 @@ import numpy as np
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.ensemble.result import BranchResults, EnsembleResult
 from freefloat.ik.nearest import newton_solutions
-from freefloat.motion.problem import Problem
 from freefloat.planning.searches.pattern_search import Flags
 from freefloat.so3 import Array, rotated
 
@@ -17,20 +16,16 @@ _NEARBY = np.geomspace(1e-4, 0.25, 40)
 """Angles to the attitudes nearby whose configurations are tried [rad]."""
 
 
-def continued(problem: Problem, attitudes: Array, joints: Array) -> Array:
-    """Configurations at the start of the path near joints (K, n), for attitudes (K, 4), or NaN."""
-    poses = problem.poses_seen_from(attitudes)
-    return newton_solutions(problem.model_at(), *poses, problem.task, joints)
-
-
-def continued_motions(
+def _continued_motions(
     evaluator: FeasibilityEvaluator, attitudes: Array, joints: Array
 ) -> tuple[Array, EnsembleResult]:
-    """Configurations near joints (K, n), and the results of the motions from there, shape (K,)."""
-    starts = continued(evaluator.problem, attitudes, joints)
+    """Configurations near joints (K, n) or NaN, and the motions from there, shape (K,)."""
+    problem = evaluator.problem
+    poses = problem.poses_seen_from(attitudes)
+    starts = newton_solutions(problem.model_at(), *poses, problem.task, joints)
     exist = np.asarray(np.isfinite(starts).all(axis=1))
     table = EnsembleResult.empty(exist.shape, starts.shape[1], evaluator.limits.number)
-    threshold = evaluator.problem.margin.threshold
+    threshold = problem.margin.threshold
     table.assign(
         exist, evaluator.integrator.integrate(attitudes[exist], starts[exist], stop_below=threshold)
     )
@@ -57,7 +52,7 @@ class FollowedStarts:
         above = np.searchsorted(self._headings, headings % tau) % len(self._headings)
         near = np.concatenate([self._joints[above - 1], self._joints[above]], axis=1)
         attitudes = self._evaluator.problem.plane.attitudes(np.repeat(headings, near.shape[1]))
-        starts, flat = continued_motions(
+        starts, flat = _continued_motions(
             self._evaluator, attitudes, near.reshape(-1, near.shape[2])
         )
         shape = near.shape[:2]
@@ -91,5 +86,5 @@ def keeps_from_nearby(evaluator: FeasibilityEvaluator, attitude: Array) -> Flags
         nearby = rotated(attitude, np.multiply.outer(_NEARBY, axes).reshape(-1, 3))
     branches = evaluator.problem.many_branches(nearby)
     joints = branches.joints[branches.exist]
-    _, motions = continued_motions(evaluator, np.tile(attitude, (len(joints), 1)), joints)
+    _, motions = _continued_motions(evaluator, np.tile(attitude, (len(joints), 1)), joints)
     return motions.keeps(evaluator.problem.margin.threshold)

@@ -116,15 +116,6 @@ def limits_of_spans(
     }
 
 
-def states_at(
-    problem: Problem, limits: tuple[RangeLimit, ...], at: float
-) -> list[tuple[float, Array]]:
-    """Heading [rad] in [0, 2 pi) and joints (n,) of the motions of limits at a time [s]."""
-    motions = _integrated(problem, [_from_touch_point(limit.touch_point, at) for limit in limits])
-    headings = [problem.plane.heading(attitude) for attitude in motions.attitudes]
-    return list(zip(headings, motions.joints, strict=True))
-
-
 def _from_touch_point(point: TouchPoint, end: float) -> _Planned:
     return point.attitude, point.joints, point.time, end
 
@@ -179,7 +170,9 @@ def heading_ranges(
         edges += [(end % tau, None, SEARCH) for end in domain.heading_limits(problem.plane)]
     if problem.start_joints is not None and at == 0.0:
         edges += [(heading, None, SEARCH) for heading in branch_changes(problem, known)]
-    for heading, joints in states_at(problem, limits, at):
+    motions = _integrated(problem, [_from_touch_point(limit.touch_point, at) for limit in limits])
+    for attitude, joints in zip(motions.attitudes, motions.joints, strict=True):
+        heading = problem.plane.heading(attitude)
         edges.append((heading, _branch_of(problem, heading, joints, at), MARGIN))
 
     arcs = [

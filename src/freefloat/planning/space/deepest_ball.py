@@ -15,18 +15,19 @@ import numpy as np
 from freefloat.attitude_grids import even_directions
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.planning.candidates import Ball, BoundaryPoint
-from freefloat.planning.searches.adversary import CAUTION
+from freefloat.planning.searches.adversary import BEYOND, CAUTION, violations
 from freefloat.planning.searches.pattern_search import (
     Clouds,
     Searches,
     depths,
     nearest_among,
     pattern_search,
+    shortest,
     spread,
 )
 from freefloat.planning.settings import SearchDomain
 from freefloat.planning.space.attitude_map import AttitudeMap
-from freefloat.planning.space.tolerances import NearbyAttitudes, confirmed, outside_within
+from freefloat.planning.space.tolerances import EFFORT, NearbyAttitudes, confirmed
 from freefloat.so3 import Array, IntArray, angle_between, rotation_vector_to
 
 _ROUNDS = 16
@@ -144,7 +145,10 @@ class _BallSearch:
         numbers = np.repeat(np.arange(len(balls)), [len(vectors) for vectors in known])
         if len(numbers):
             around = NearbyAttitudes.of(self._evaluator, balls)
-            closest = around.closest(np.vstack(known), numbers, _CONE, _QUICK)
+            closest = shortest(
+                lambda vectors, searched: around.outside(vectors, numbers[searched]),
+                np.vstack(known), _CONE, numbers, _QUICK,
+            )  # fmt: skip
             self._add(around, balls, closest, numbers)
         return self.updated(balls)
 
@@ -152,7 +156,8 @@ class _BallSearch:
         """The ball, slightly smaller, if nothing in it is outside; else that limits the next."""
         radius = CAUTION * ball.radius
         around = NearbyAttitudes.of(self._evaluator, [ball])
-        outside = outside_within(around, radius, self._probes)
+        largest = min(BEYOND * radius, np.pi)
+        outside = violations(around.regularity, largest, EFFORT, self._probes)
         if not len(outside):
             return Ball(ball.attitude, ball.branch, radius)
         self._add(around, [ball], outside, np.zeros(len(outside), np.int64))

@@ -23,16 +23,14 @@ from freefloat.ensemble.result import EnsembleResult
 from freefloat.ensemble.systems import Systems
 from freefloat.planning.candidates import Ball, Candidate, SearchEffort, Tolerance
 from freefloat.planning.searches.adversary import (
-    BEYOND,
     CAUTION,
     Regularity,
     closest,
     confirmed_radius,
     shortest_length,
-    violations,
 )
 from freefloat.planning.searches.line_search import Function, LineSamples, resolved
-from freefloat.planning.searches.pattern_search import ROUNDS, Flags, shortest
+from freefloat.planning.searches.pattern_search import Flags
 from freefloat.planning.space.climbing import branch_numbers
 from freefloat.so3 import Array, IntArray, rotated, rotation_vector_to
 
@@ -47,6 +45,22 @@ _SMALLEST = 2e-5
 """Smallest radius of a ball [rad]."""
 EFFORT = SearchEffort(samples=2048, descents=24)
 """Effort of the adversarial searches that confirm a ball."""
+_FEW, _MOMENTUM_CONE = 24, 0.3
+"""Directions of momentum tried first, and the angle of the directions that the search for smaller
+deviations begins with [rad]."""
+_LADDER = 0.5 ** np.arange(14.0)
+"""Deviations tried in these directions, as fractions of the limit."""
+_LEAST = 1e-5
+"""Smallest tolerance, as a fraction of the limit."""
+MOMENTUM_EFFORT = SearchEffort(samples=768, descents=16)
+"""Effort of the adversarial searches that confirm the tolerated deviation."""
+_SECTIONS = 40
+"""Durations tried first, longer and shorter ones."""
+_FINEST, _EXACT, _LEVELS = 1e-5, 1e-6, 8
+"""Width of the narrowest gap between durations that is searched for, and the accuracy of the
+shortest and the longest one, as fractions, and how often an interval is divided in a round."""
+LONGEST = 10.0
+"""Largest ratio of durations, longer or shorter than planned, that is tried."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,22 +97,6 @@ class NearbyAttitudes:
         numbers = np.zeros(len(vectors), np.int64)
         return self.evaluator.regularity(*self.rotated(vectors, numbers))
 
-    def closest(
-        self, outside: Array, numbers: IntArray, angle: float, rounds: int = ROUNDS
-    ) -> Array:
-        """Rotation vectors to attitudes outside, (M, 3), moved to shorter ones nearby.
-
-        Args:
-            outside: Vectors known to lead outside.
-            numbers: Those of the attitudes that they rotate, shape (M,).
-            angle: Largest change of the direction that is tried first [rad].
-            rounds: Rounds of evaluations, at most.
-        """
-        return shortest(
-            lambda vectors, searched: self.outside(vectors, numbers[searched]),
-            outside, angle, numbers, rounds,
-        )  # fmt: skip
-
 
 def robust_radius(
     evaluator: FeasibilityEvaluator, attitude: Array, branch: int | None, reach: float
@@ -113,7 +111,8 @@ def robust_radius(
     size, outside = reach / 2.0, np.empty((0, 3))
     while not len(outside) and size < np.pi:
         size = min(2.0 * size, np.pi)
-        cloud = np.vstack([np.zeros(3), _ball(attitude, size, count)])
+        spread = rotation_vector_to(attitude, attitudes_within(attitude, size, count))
+        cloud = np.vstack([np.zeros(3), spread])
         outside = cloud[around.outside(cloud, np.zeros(len(cloud), np.int64))]
     radius = np.pi
     if len(outside):
@@ -128,34 +127,6 @@ def confirmed(evaluator: FeasibilityEvaluator, ball: Ball) -> Ball:
         around.regularity, CAUTION * ball.radius, EFFORT, _SMALLEST, most=np.pi
     )
     return replace(ball, radius=radius)
-
-
-def outside_within(around: NearbyAttitudes, radius: float, seed: int) -> Array:
-    """Rotation vectors to attitudes outside, in a ball or just beyond it, shape (K, 3)."""
-    return violations(around.regularity, min(BEYOND * radius, np.pi), EFFORT, seed)
-
-
-def _ball(centre: Array, radius: float, count: int) -> Array:
-    """Rotation vectors from a centre to attitudes spread in a ball around it, shape (count, 3)."""
-    return rotation_vector_to(centre, attitudes_within(centre, radius, count))
-
-
-_FEW, _MOMENTUM_CONE = 24, 0.3
-"""Directions of momentum tried first, and the angle of the directions that the search for smaller
-deviations begins with [rad]."""
-_LADDER = 0.5 ** np.arange(14.0)
-"""Deviations tried in these directions, as fractions of the limit."""
-_LEAST = 1e-5
-"""Smallest tolerance, as a fraction of the limit."""
-MOMENTUM_EFFORT = SearchEffort(samples=768, descents=16)
-"""Effort of the adversarial searches that confirm the tolerated deviation."""
-_SECTIONS = 40
-"""Durations tried first, longer and shorter ones."""
-_FINEST, _EXACT, _LEVELS = 1e-5, 1e-6, 8
-"""Width of the narrowest gap between durations that is searched for, and the accuracy of the
-shortest and the longest one, as fractions, and how often an interval is divided in a round."""
-LONGEST = 10.0
-"""Largest ratio of durations, longer or shorter than planned, that is tried."""
 
 
 def tolerance(integrator: Integrator, attitude: Array, joints: Array) -> Tolerance:
