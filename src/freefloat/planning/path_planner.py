@@ -36,7 +36,7 @@ from freefloat.planning.settings import PLAN_ATTITUDES, Search
 from freefloat.planning.space.choices import SampledChoices
 from freefloat.planning.space.climbing import is_unique
 from freefloat.planning.space.mapping import sample_attitudes
-from freefloat.planning.space.tolerances import EFFORT, robust_radius, tolerance
+from freefloat.planning.space.tolerances import EFFORT, radius_around, tolerance
 
 _SAMPLING = 0.6
 """Fraction of the computing time of spatial plans, for the progress reported."""
@@ -192,10 +192,8 @@ def _with_tolerances(evaluator: FeasibilityEvaluator, plan: Plan) -> Plan:
     chosen, radius = plan.chosen, plan.robust_radius
     if chosen is None or plan.map is None or not plan.feasible:
         return plan
-    attitude, branch = chosen.motion.initial.attitude, chosen.branch
-    near = evaluator_near(evaluator, branch.joints)
-    if radius is None or near is not evaluator:
-        index = None if plan.problem.redundant else branch.index
-        radius = robust_radius(near, attitude, index, plan.map.spacing)
-    tolerances = tolerance(evaluator.integrator, attitude, branch.joints)
+    if radius is None or evaluator_near(evaluator, chosen.branch.joints) is not evaluator:
+        radius = radius_around(evaluator, chosen, plan.map.spacing)
+    initial = chosen.motion.initial
+    tolerances = tolerance(evaluator.integrator, initial.attitude, chosen.branch.joints)
     return replace(plan, robust_radius=radius, radius_effort=EFFORT, tolerance=tolerances)

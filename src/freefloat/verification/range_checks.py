@@ -27,7 +27,7 @@ from freefloat.planning.plane.continuation import keeps_from_nearby
 from freefloat.planning.searches.adversary import violations
 from freefloat.planning.settings import PLAN_ATTITUDES
 from freefloat.planning.space.mapping import sample_attitudes
-from freefloat.planning.space.tolerances import LONGEST, NearbyAttitudes, robust_radius, tolerance
+from freefloat.planning.space.tolerances import LONGEST, NearbyAttitudes, radius_around, tolerance
 from freefloat.records import Known
 from freefloat.so3 import Array
 from freefloat.verification.comparisons import Check
@@ -81,11 +81,9 @@ def known_robustness(plan: Plan) -> dict[str, Any]:
     if chosen is None or not plan.feasible:
         return known | dict.fromkeys(("robust_radius", "radius_effort", "tolerance"))
     start, branch = chosen.motion.initial.attitude, chosen.branch
-    beside = evaluator_near(evaluator, branch.joints)
-    index = None if problem.redundant else branch.index
     tolerated = tolerance(evaluator.integrator, start, branch.joints)
     values = {name: value for name, value in vars(tolerated).items() if name != "momentum_effort"}
-    radius = robust_radius(beside, start, index, samples.spacing)
+    radius = radius_around(evaluator, chosen, samples.spacing)
     near, far = sorted((plan.robust_radius or 0.0, radius))
     if near >= (1.0 - _EXACT) * far or far > _APART * near:
         known["robust_radius"] = radius

@@ -57,9 +57,9 @@ def motion_within_limits(
         None where none was found.
     """
     trials = Trials(evaluator, limits)
-    results, pairs = samples.results, trials.checker.pairs
+    results = samples.results
     compared = Comparison(LargestMargin(), None, limits, evaluator, results.margins)
-    for candidate in screen(evaluator, results, compared, limits, pairs):
+    for candidate in screen(results, compared, trials.checker.pairs):
         progress(0.0)
         if candidate.violation is not None:
             continue

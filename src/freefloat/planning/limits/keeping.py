@@ -18,12 +18,12 @@ from freefloat.planning.candidates import ScreenedCandidate
 from freefloat.planning.headings import heading_depth
 from freefloat.planning.limits.screening import screen
 from freefloat.planning.limits.trials import PassedTrial, Trials
-from freefloat.planning.motions import SimulatedBranch, evaluator_near
+from freefloat.planning.motions import SimulatedBranch
 from freefloat.planning.objective import Comparison
 from freefloat.planning.plan import Plan
 from freefloat.planning.reasons import margin_text
 from freefloat.planning.settings import Search
-from freefloat.planning.space.tolerances import robust_radius
+from freefloat.planning.space.tolerances import radius_around
 from freefloat.so3 import Array, rotated, rotation_vector_to
 
 _HEADINGS = 720
@@ -97,8 +97,7 @@ def _first_passing(
     total = int(plan.problem.margin.keeps(margins).sum())
     refused: list[ScreenedCandidate] = []
     skipped: list[ScreenedCandidate] = []
-    pairs = trials.checker.pairs
-    candidates = screen(evaluator, results, compared, limits, pairs)
+    candidates = screen(results, compared, trials.checker.pairs)
     for number, candidate in enumerate(candidates, 1):
         if progress is not None:
             progress(max(trials.count / _MOST, number / total))
@@ -135,9 +134,7 @@ def _has_spare(evaluator: FeasibilityEvaluator, plan: Plan, chosen: SimulatedBra
         return True
     depth = heading_depth(evaluator, plan, chosen)
     if depth is None:
-        near = evaluator_near(evaluator, chosen.branch.joints)
-        branch = None if plan.problem.redundant else chosen.branch.index
-        depth = robust_radius(near, attitude, branch, spare)
+        depth = radius_around(evaluator, chosen, spare)
     return depth >= spare
 
 

@@ -18,7 +18,6 @@ from freefloat.ensemble.result import BranchResults
 from freefloat.limits.kinds.clearance import ClearanceLimit
 from freefloat.limits.kinds.joint_range import JointRangeLimit
 from freefloat.limits.kinds.joint_rate import JointRateLimit
-from freefloat.limits.limits import Limits
 from freefloat.planning.candidates import ScreenedCandidate
 from freefloat.planning.objective import Comparison
 from freefloat.robot.joint_ranges import largest_range_ratio
@@ -40,58 +39,41 @@ _Entries = tuple[IntArray, IntArray]
 
 
 def screen(
-    evaluator: FeasibilityEvaluator,
-    results: BranchResults,
-    compared: Comparison,
-    limits: Limits,
-    pairs: CollisionPairs | None,
+    results: BranchResults, compared: Comparison, pairs: CollisionPairs | None
 ) -> Iterator[ScreenedCandidate]:
     """Candidates that keep the margin, of the motions of an ensemble, the best first.
 
-    ``pairs`` keep their clearance where they are given.
+    Each has what its compiled motion violates of joint ranges and the limits compared; ``pairs``
+    keep their clearance where they are given.
     """
-    attitudes = results.attitudes
+    evaluator, limits = compared.evaluator, compared.limits
     samples, branches = np.nonzero(evaluator.problem.margin.keeps(results.margins))
-    ranks = compared.objective.ranks(compared, attitudes, results.motions)
+    ranks = compared.objective.ranks(compared, results.attitudes, results.motions)
     order = np.lexsort([keys[samples, branches] for keys in ranks])
-    samples, branches = samples[order], branches[order]
-    first = 0
-    size = _FIRST_BATCH
-    while first < len(samples):
-        batch = slice(first, first + size)
-        first += size
-        size = min(2 * size, _BATCH)
-        yield from _screened(evaluator, attitudes[samples[batch]], branches[batch], limits, pairs)
-
-
-def _screened(
-    evaluator: FeasibilityEvaluator,
-    attitudes: Array,
-    branches: IntArray,
-    limits: Limits,
-    pairs: CollisionPairs | None,
-) -> Iterator[ScreenedCandidate]:
-    """A batch of candidates with what their compiled motions violate."""
-    distinct, rows = np.unique(attitudes, axis=0, return_inverse=True)
-    results = evaluator.evaluate(distinct)
-    entries = rows.ravel(), branches
-    low, high = results.motions.lower[entries], results.motions.upper[entries]
-    ranges = largest_range_ratio(evaluator.problem.model_at(), low, high)
-    violations = {JointRangeLimit.name: ranges > 1.0 + _SLACK}
-    rate_ratios, deficits = np.zeros((2, len(attitudes)))
-    if limits.joint_rate is not None:
-        rate_ratios = results.motions.rate_usage(limits.joint_rate)[entries]
-    violations[JointRateLimit.name] = rate_ratios > 1.0 + _SLACK
-    if pairs is not None:
-        left = ~np.any([*violations.values()], axis=0)
-        remaining = entries[0][left], entries[1][left]
-        deficits[left] = _clearance_deficits(evaluator, pairs, results, remaining)
-    violations[ClearanceLimit.name] = deficits > 0.0
-    for k, attitude in enumerate(attitudes):
-        violation = next((name for name, violated in violations.items() if violated[k]), None)
-        yield ScreenedCandidate(
-            attitude, int(branches[k]), violation, float(rate_ratios[k]), float(deficits[k])
-        )
+    first, size = 0, _FIRST_BATCH
+    while first < len(order):
+        batch = order[first : first + size]
+        first, size = first + size, min(2 * size, _BATCH)
+        attitudes, columns = results.attitudes[samples[batch]], branches[batch]
+        distinct, rows = np.unique(attitudes, axis=0, return_inverse=True)
+        again, entries = evaluator.evaluate(distinct), (rows.ravel(), columns)
+        low, high = again.motions.lower[entries], again.motions.upper[entries]
+        ranges = largest_range_ratio(evaluator.problem.model_at(), low, high)
+        violations = {JointRangeLimit.name: ranges > 1.0 + _SLACK}
+        rate_ratios, deficits = np.zeros((2, len(batch)))
+        if limits is not None and limits.joint_rate is not None:
+            rate_ratios = again.motions.rate_usage(limits.joint_rate)[entries]
+        violations[JointRateLimit.name] = rate_ratios > 1.0 + _SLACK
+        if pairs is not None:
+            left = ~np.any([*violations.values()], axis=0)
+            remaining = entries[0][left], entries[1][left]
+            deficits[left] = _clearance_deficits(evaluator, pairs, again, remaining)
+        violations[ClearanceLimit.name] = deficits > 0.0
+        for k, attitude in enumerate(attitudes):
+            violation = next((name for name, violated in violations.items() if violated[k]), None)
+            yield ScreenedCandidate(
+                attitude, int(columns[k]), violation, float(rate_ratios[k]), float(deficits[k])
+            )
 
 
 def _clearance_deficits(

@@ -22,6 +22,7 @@ from freefloat.ensemble.feasibility import FeasibilityEvaluator, is_kept, regula
 from freefloat.ensemble.result import EnsembleResult
 from freefloat.ensemble.systems import Systems
 from freefloat.planning.candidates import Ball, Candidate, SearchEffort, Tolerance
+from freefloat.planning.motions import SimulatedBranch, evaluator_near
 from freefloat.planning.searches.adversary import (
     CAUTION,
     Regularity,
@@ -118,6 +119,13 @@ def robust_radius(
     if len(outside):
         radius = shortest_length(closest(around.regularity, outside, _SMALLEST, _CONE))
     return confirmed(evaluator, Ball(attitude, branch, radius)).radius
+
+
+def radius_around(evaluator: FeasibilityEvaluator, chosen: SimulatedBranch, reach: float) -> float:
+    """The :func:`robust_radius` of a motion, to which a redundant arm's other starts belong."""
+    near = evaluator_near(evaluator, chosen.branch.joints)
+    branch = None if evaluator.problem.redundant else chosen.branch.index
+    return robust_radius(near, chosen.motion.initial.attitude, branch, reach)
 
 
 def confirmed(evaluator: FeasibilityEvaluator, ball: Ball) -> Ball:
