@@ -12,6 +12,9 @@ from freefloat.planning.touching.touch_point import TouchKind
 from freefloat.records import Quaternions
 from freefloat.so3 import angle_between, frozen
 
+_ALL_ATTITUDES = 8.0 * np.pi**2
+"""Volume of SO(3) [rad^3]."""
+
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
@@ -120,10 +123,6 @@ class ScreenedCandidate(Candidate):
     violation: str | None = None
     rate_ratio: float = 0.0
     clearance_deficit: float = 0.0
-
-
-_ALL_ATTITUDES = 8.0 * np.pi**2
-"""Volume of SO(3) [rad^3]."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,6 +21,8 @@ from freefloat.planning.settings import Search
 from freefloat.records import Angles
 from freefloat.so3 import Array, degrees
 
+_Value = TypeVar("_Value", np.float64, np.bool_)
+
 
 @dataclass(frozen=True, eq=False)
 class MarginMap:
@@ -108,9 +110,6 @@ class MarginMap:
     def motion_fraction(self) -> float:
         """Fraction of the motions that keep the margin."""
         return float(self.feasible.sum() / max(1, self.motions))
-
-
-_Value = TypeVar("_Value", np.float64, np.bool_)
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -14,17 +14,78 @@ import numpy.typing as npt
 from freefloat.attitude_grids import attitude_grid, attitudes_within, ball_fraction, grid_spacing
 from freefloat.dynamics.plane import Plane
 from freefloat.errors import InputError, finite_number, number_array, seed_number, whole_number
+from freefloat.limits.limits import Limits
 from freefloat.motion.problem import Problem
-from freefloat.planning.objective import Objective
+from freefloat.planning.objective import Comparison, Objective
 from freefloat.planning.objectives import NAMED, objective_of
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array, IntArray, angle_between, degrees, frozen, unit_quaternion
+
+if TYPE_CHECKING:  # compiled kernels take half a second to import
+    from freefloat.ensemble.feasibility import FeasibilityEvaluator
 
 HEADINGS, PLAN_ATTITUDES = 360, 4096
 """Default numbers of samples of planar and of spatial tasks."""
 
 FEWEST_SAMPLES = 8
 """Smallest accepted number of samples."""
+_LARGEST_ANGLE = 4.0 * np.pi
+"""Largest present joint angle [rad]: larger ones are degrees."""
+_HEADINGS = 2880
+"""Headings between which the arm branch closest to the present joints changes once at most."""
+_EXACT = 1e-10
+"""Accuracy of the headings at which it changes [rad]."""
+_ANGLE_ERROR = 1e-9
+"""Rounding error of angles [rad]."""
+
+
+@dataclass(frozen=True, eq=False)
+class SearchDomain:
+    """All attitudes, or those within an angle of one of them.
+
+    Attributes:
+        centre: Quaternion x, y, z, w.
+        radius: Largest angle from the centre [rad]; pi for all attitudes.
+    """
+
+    centre: Array = field(default_factory=lambda: frozen([0.0, 0.0, 0.0, 1.0]))
+    radius: float = np.pi
+
+    @property
+    def whole(self) -> bool:
+        """Whether it has all attitudes."""
+        return self.radius >= np.pi
+
+    @property
+    def fraction(self) -> float:
+        """Its fraction of all attitudes in space."""
+        return ball_fraction(self.radius)
+
+    def contains(self, attitudes: npt.ArrayLike) -> npt.NDArray[np.bool_]:
+        """Which attitudes (..., 4) belong to it, shape (...)."""
+        return np.asarray(angle_between(attitudes, self.centre) <= self.radius + _ANGLE_ERROR)
+
+    def attitudes(self, count: int, seed: int = 0) -> Array:
+        """Evenly distributed attitudes, shape (count, 4)."""
+        if self.whole:
+            return attitude_grid(count, seed)
+        return attitudes_within(self.centre, self.radius, count, seed)
+
+    def spacing(self, count: int) -> float:
+        """Side [rad] of a cube with the volume that each of ``count`` attitudes represents."""
+        return grid_spacing(count, self.radius)
+
+    def headings(self, count: int, plane: Plane) -> Array:
+        """Evenly spread headings [rad], rising, shape (count,); of all, from zero."""
+        if self.whole:
+            return frozen(np.arange(count) * (2.0 * np.pi / count))
+        low, _ = self.heading_limits(plane)
+        return frozen(low + (np.arange(count) + 0.5) * (2.0 * self.radius / count))
+
+    def heading_limits(self, plane: Plane) -> tuple[float, float]:
+        """First heading [rad], in [0, 2 pi), and last heading of planar attitudes."""
+        low = (plane.heading(self.centre) - self.radius) % (2.0 * np.pi)
+        return low, low + 2.0 * self.radius
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,6 +165,12 @@ class Search:
             return frozen([0.0, 0.0, 0.0, 1.0])
         return self.from_attitude
 
+    def comparison(
+        self, evaluator: FeasibilityEvaluator, limits: Limits | None, margins: Array
+    ) -> Comparison:
+        """What the objective compares motions by, with margins of some of them as unit."""
+        return Comparison(self.objective, self.from_attitude, limits, evaluator, margins)
+
     @property
     def required_radius(self) -> float:
         """Angle around the attitude within which the margin is to be kept [rad]."""
@@ -154,65 +221,6 @@ class Search:
         joints = problem.model.joint_vector(self.joints, "search.joints")
         require_radians(problem.model, joints)
         return replace(problem, start_joints=joints)
-
-
-_LARGEST_ANGLE = 4.0 * np.pi
-"""Largest present joint angle [rad]: larger ones are degrees."""
-_HEADINGS = 2880
-"""Headings between which the arm branch closest to the present joints changes once at most."""
-_EXACT = 1e-10
-"""Accuracy of the headings at which it changes [rad]."""
-_ANGLE_ERROR = 1e-9
-"""Rounding error of angles [rad]."""
-
-
-@dataclass(frozen=True, eq=False)
-class SearchDomain:
-    """All attitudes, or those within an angle of one of them.
-
-    Attributes:
-        centre: Quaternion x, y, z, w.
-        radius: Largest angle from the centre [rad]; pi for all attitudes.
-    """
-
-    centre: Array = field(default_factory=lambda: frozen([0.0, 0.0, 0.0, 1.0]))
-    radius: float = np.pi
-
-    @property
-    def whole(self) -> bool:
-        """Whether it has all attitudes."""
-        return self.radius >= np.pi
-
-    @property
-    def fraction(self) -> float:
-        """Its fraction of all attitudes in space."""
-        return ball_fraction(self.radius)
-
-    def contains(self, attitudes: npt.ArrayLike) -> npt.NDArray[np.bool_]:
-        """Which attitudes (..., 4) belong to it, shape (...)."""
-        return np.asarray(angle_between(attitudes, self.centre) <= self.radius + _ANGLE_ERROR)
-
-    def attitudes(self, count: int, seed: int = 0) -> Array:
-        """Evenly distributed attitudes, shape (count, 4)."""
-        if self.whole:
-            return attitude_grid(count, seed)
-        return attitudes_within(self.centre, self.radius, count, seed)
-
-    def spacing(self, count: int) -> float:
-        """Side [rad] of a cube with the volume that each of ``count`` attitudes represents."""
-        return grid_spacing(count, self.radius)
-
-    def headings(self, count: int, plane: Plane) -> Array:
-        """Evenly spread headings [rad], rising, shape (count,); of all, from zero."""
-        if self.whole:
-            return frozen(np.arange(count) * (2.0 * np.pi / count))
-        low, _ = self.heading_limits(plane)
-        return frozen(low + (np.arange(count) + 0.5) * (2.0 * self.radius / count))
-
-    def heading_limits(self, plane: Plane) -> tuple[float, float]:
-        """First heading [rad], in [0, 2 pi), and last heading of planar attitudes."""
-        low = (plane.heading(self.centre) - self.radius) % (2.0 * np.pi)
-        return low, low + 2.0 * self.radius
 
 
 def require_radians(model: FreeFloatingModel, joints: Array) -> None:

@@ -30,7 +30,6 @@ from freefloat.planning.limits.trials import (
     largest_violation,
 )
 from freefloat.planning.motions import integrate_branch
-from freefloat.planning.objective import Comparison
 from freefloat.planning.plan import Plan
 from freefloat.planning.reasons import margin_text, reach_message
 from freefloat.planning.searches.pattern_search import Clouds, Turns
@@ -102,9 +101,7 @@ class _FurtherSearch:
         self._violations = Violations(evaluator, limits)
         self._trials = Trials(evaluator, limits)
         margins = np.ones(1) if plan.map is None else plan.map.results.motions.minimum
-        self._compared = Comparison(
-            search.objective, search.from_attitude, limits, evaluator, np.asarray(margins)
-        )
+        self._compared = search.comparison(evaluator, limits, np.asarray(margins))
         self._climb = Climb(
             partial(evaluator.largest, merit=self._violations), search.domain, _FINE,
             Turns(plan.problem.plane.normal) if planar else Clouds(),

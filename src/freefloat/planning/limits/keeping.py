@@ -19,7 +19,6 @@ from freefloat.planning.headings import heading_depth
 from freefloat.planning.limits.screening import screen
 from freefloat.planning.limits.trials import PassedTrial, Trials
 from freefloat.planning.motions import SimulatedBranch
-from freefloat.planning.objective import Comparison
 from freefloat.planning.plan import Plan
 from freefloat.planning.reasons import margin_text
 from freefloat.planning.settings import Search
@@ -93,7 +92,7 @@ def _first_passing(
     if present is not None:
         results = results.and_others(evaluator.evaluate(present[None]))
     margins = results.margins
-    compared = Comparison(search.objective, search.from_attitude, limits, evaluator, margins)
+    compared = search.comparison(evaluator, limits, margins)
     total = int(plan.problem.margin.keeps(margins).sum())
     refused: list[ScreenedCandidate] = []
     skipped: list[ScreenedCandidate] = []

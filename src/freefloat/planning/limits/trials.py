@@ -34,6 +34,10 @@ OVER = 1.0 + 1e-5
 
 PassedTrial = tuple[SimulatedBranch, tuple[LimitResult, ...]]
 """A motion that keeps margin and limits, and the results of these."""
+UNFINISHED = 1e6
+"""Violation of motions that just fail to follow the whole path."""
+COMPARED = tuple(name for name in KNOWN if name != BaseRateLimit.name)
+"""Limits whose ratios violations have: those that ensembles know, but that of the base rate."""
 
 
 class Trials:
@@ -199,12 +203,6 @@ def _excess(violated: tuple[LimitResult, ...]) -> tuple[float, float]:
     """How far limits are violated: the largest ratio, and the largest lack of a lower bound."""
     lacks = (result.allowed - result.worst for result in violated if result.at_least)
     return max(result.ratio for result in violated), max(lacks, default=0.0)
-
-
-UNFINISHED = 1e6
-"""Violation of motions that just fail to follow the whole path."""
-COMPARED = tuple(name for name in KNOWN if name != BaseRateLimit.name)
-"""Limits whose ratios violations have: those that ensembles know, but that of the base rate."""
 
 
 class Violations:

@@ -50,13 +50,8 @@ class RangeChoices:
 
     def largest_merits(self) -> list[Candidate]:
         """The heading with the largest merit."""
-        search = self._search
         margins, _ = self._best_headings(None)
-        return self._best(
-            Comparison(
-                search.objective, search.from_attitude, self._limits, self._evaluator, margins
-            )
-        )
+        return self._best(self._search.comparison(self._evaluator, self._limits, margins))
 
     def deepest(self) -> list[Candidate]:
         """The middle of the widest range."""

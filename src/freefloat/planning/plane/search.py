@@ -92,7 +92,9 @@ def searched_ranges(
     if not labels:
         return ()
     indices = np.array(list(labels))
-    followed = FollowedStarts(evaluator, headings, results) if _is_followed(problem) else None
+    followed = None
+    if problem.redundant and problem.start_joints is None:  # else they are given at any heading
+        followed = FollowedStarts(evaluator, headings, results)
 
     def motions(headings: Array, columns: IntArray) -> EnsembleResult:
         if followed is not None:
@@ -146,11 +148,6 @@ def depth_of_start(evaluator: FeasibilityEvaluator, heading: float, domain: Sear
     first = LineSamples(headings, *within(headings, np.zeros(_AROUND, np.int64)))
     (line,) = resolved(within, [first], _WIDEST, _NARROWEST, _EXACT, _LEVELS)
     return float(np.abs(line.points[~line.kept] - heading).min(initial=np.pi))
-
-
-def _is_followed(problem: Problem) -> bool:
-    """Whether configurations are followed: those near ``start_joints`` are given at any heading."""
-    return problem.redundant and problem.start_joints is None
 
 
 def _follow(function: Function, headings: Array, slacks: Array, kept: Flags) -> None:

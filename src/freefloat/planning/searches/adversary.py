@@ -16,7 +16,7 @@ from freefloat.attitude_grids import low_discrepancy, sphere_directions
 from freefloat.ensemble.feasibility import is_kept
 from freefloat.planning.candidates import SearchEffort
 from freefloat.planning.searches import pattern_search
-from freefloat.planning.searches.pattern_search import Searches, drawn_out, spread
+from freefloat.planning.searches.pattern_search import Clouds, Searches, drawn_out, spread
 from freefloat.so3 import Array, IntArray, frozen
 
 _ON_SPHERE = 0.5
@@ -147,7 +147,7 @@ def _lowest(vectors: Array, values: Array, radius: float, count: int) -> IntArra
 
 
 @dataclass(frozen=True)
-class _Balls:
+class _Balls(Clouds):
     """Vectors around others, as long as the radius of a ball or shorter."""
 
     radius: float
@@ -155,7 +155,7 @@ class _Balls:
     def around(
         self, points: Array, previous: Array, sizes: Array, number: int
     ) -> tuple[Array, Array]:
-        """See :class:`~freefloat.planning.searches.pattern_search.Pattern`."""
+        """See :class:`.Clouds`."""
         steps = points - previous
         vectors = drawn_out(steps, sizes, number, _POINTS, _SPIRAL, (0.0, _AHEAD))
         vectors = points[:, None] + vectors
@@ -163,7 +163,7 @@ class _Balls:
         return vectors, np.linalg.norm(vectors - points[:, None], axis=2)
 
     def superseded(self, searches: Searches, sizes: Array) -> pattern_search.Flags:
-        """See :class:`.pattern_search.Pattern`: those near a better one."""
+        """See :class:`.Clouds`: those near a better one."""
         distances = np.linalg.norm(searches.points[:, None] - searches.points, axis=2)
         return np.asarray(
             (searches.better & (distances < _SAME_POINT * sizes[:, None])).any(axis=1)

@@ -26,6 +26,8 @@ _SECTIONS = 8
 """Parts of an interval that is bisected."""
 _ROUNDS = 6
 """Rounds of divisions and bisections, at most."""
+Function = Callable[[Array, IntArray], tuple[Array, Flags]]
+"""Slacks (M, R) at points (M,) of the lines of these numbers (M,), and which are kept, (M,)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,10 +95,6 @@ class LineSamples:
         (index,) = np.nonzero((self.kept[:-1] != self.kept[1:]) & (np.diff(self.points) > exact))
         inner = np.where(self.kept[index], index, index + 1)
         return self.points[inner], self.points[2 * index + 1 - inner]
-
-
-Function = Callable[[Array, IntArray], tuple[Array, Flags]]
-"""Slacks (M, R) at points (M,) of the lines of these numbers (M,), and which are kept, (M,)."""
 
 
 def resolved(

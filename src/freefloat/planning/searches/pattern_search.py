@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -69,25 +68,6 @@ class Searches:
         return np.asarray(same & (self.merits[:, None] < self.merits))
 
 
-class Pattern(Protocol):
-    """Points around others."""
-
-    def around(
-        self, points: Array, previous: Array, sizes: Array, number: int
-    ) -> tuple[Array, Array]:
-        """The points (A, M, D) of pattern ``number`` around others, and their distances (A, M).
-
-        Args:
-            points: Those in the middle, shape (A, D).
-            previous: Those in the middle before, shape (A, D).
-            sizes: Largest distances, shape (A,).
-            number: Varies the pattern.
-        """
-
-    def superseded(self, searches: Searches, sizes: Array) -> Flags:
-        """Searches that may end because of better ones, with patterns of sizes (K,), shape (K,)."""
-
-
 def drawn_out(
     steps: Array, sizes: Array, number: int, count: int, spiral: float, reach: tuple[float, float]
 ) -> Array:
@@ -109,19 +89,29 @@ def drawn_out(
 
 
 class Clouds:
-    """Attitudes around others, drawn out along the last step: narrow ridges are followed."""
+    """Attitudes around others, drawn out along the last step: narrow ridges are followed.
+
+    Other patterns have other points around others.
+    """
 
     def around(
         self, points: Array, previous: Array, sizes: Array, number: int
     ) -> tuple[Array, Array]:
-        """See :class:`Pattern`."""
+        """The points (A, M, D) of pattern ``number`` around others, and their distances (A, M).
+
+        Args:
+            points: Those in the middle, shape (A, D).
+            previous: Those in the middle before, shape (A, D).
+            sizes: Largest distances, shape (A,).
+            number: Varies the pattern.
+        """
         steps = rotation_vector_to(previous, points)
         vectors = drawn_out(steps, sizes, number, _CLOUD, _CLOUD_SPIRAL, (_BEHIND, _AHEAD))
         attitudes = rotated(np.repeat(points, _CLOUD, axis=0), vectors.reshape(-1, 3))
         return attitudes.reshape(len(points), _CLOUD, 4), np.linalg.norm(vectors, axis=2)
 
     def superseded(self, searches: Searches, sizes: Array) -> Flags:
-        """See :class:`Pattern`: those near a better one."""
+        """Searches that may end, near better ones, with patterns of sizes (K,), shape (K,)."""
         angles = angle_between(searches.points[:, None], searches.points)
         return np.asarray((searches.better & (angles < _SAME_POINT * sizes[:, None])).any(axis=1))
 
@@ -135,7 +125,7 @@ class Turns(Clouds):
     def around(
         self, points: Array, previous: Array, sizes: Array, number: int
     ) -> tuple[Array, Array]:
-        """See :class:`Pattern`."""
+        """See :class:`Clouds`."""
         steps = _CONE_SPIRAL ** np.arange(_CLOUD // 2)
         angles = sizes[:, None] * np.concatenate([steps, -steps])
         vectors = angles.reshape(-1, 1) * self.axis
@@ -143,16 +133,13 @@ class Turns(Clouds):
         return attitudes.reshape(len(points), _CLOUD, 4), np.abs(angles)
 
 
-@dataclass(frozen=True)
-class ConePattern:
-    """Vectors in directions around those of others, shorter by ``reductions`` or as long."""
-
-    reductions: tuple[float, ...] = _REDUCTIONS
+class ConePattern(Clouds):
+    """Vectors in directions around those of others, shorter or as long."""
 
     def around(
         self, points: Array, previous: Array, sizes: Array, number: int
     ) -> tuple[Array, Array]:
-        """See :class:`Pattern`."""
+        """See :class:`Clouds`."""
         lengths = np.linalg.norm(points, axis=1)
         axes = points / lengths[:, None]
         across = np.cross(axes, np.eye(3)[np.abs(axes).argmin(axis=1)])
@@ -164,7 +151,7 @@ class ConePattern:
         away = (sizes[:, None] * _CONE_SPIRAL**index)[..., None]
         directions = np.cos(away) * axes[:, None] + np.sin(away) * sideways
         directions = np.concatenate([axes[:, None], directions], axis=1)
-        reductions = np.minimum(sizes, _LARGEST)[:, None] * self.reductions
+        reductions = np.minimum(sizes, _LARGEST)[:, None] * _REDUCTIONS
         radii = lengths[:, None] * (1.0 - reductions)
         vectors = directions[:, :, None] * radii[:, None, :, None]
         angles = np.pad(away[..., 0], ((0, 0), (1, 0)))
@@ -172,7 +159,7 @@ class ConePattern:
         return vectors.reshape(len(points), -1, 3), steps.reshape(len(points), -1)
 
     def superseded(self, searches: Searches, sizes: Array) -> Flags:
-        """See :class:`Pattern`: those near a better one, or too long to become as short."""
+        """See :class:`Clouds`: those near a better one, or too long to become as short."""
         lengths = np.linalg.norm(searches.points, axis=1)
         units = searches.points / lengths[:, None]
         near = units @ units.T > np.cos(_SAME_POINT * sizes)[:, None]
@@ -181,7 +168,7 @@ class ConePattern:
 
 
 def pattern_search(
-    pattern: Pattern,
+    pattern: Clouds,
     merit: Merit,
     searches: Searches,
     size: float | Array,

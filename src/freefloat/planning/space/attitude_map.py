@@ -22,6 +22,8 @@ from freefloat.statistics import percentage
 
 _ENDINGS = {"completed": COMPLETED, "singular": SINGULAR, "limited": LIMITED,
             "given_up": FAILED, "unreached": UNREACHED}  # fmt: skip
+_NEIGHBOURS = 14
+"""About as many samples lie within one and a half spacings of another."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,10 +151,6 @@ class AttitudeMap(MarginMap):
                 "points": [point.to_dict() for point in self.touch],
             }
         return document
-
-
-_NEIGHBOURS = 14
-"""About as many samples lie within one and a half spacings of another."""
 
 
 def find_regions(samples: AttitudeMap, threads: int = 1) -> tuple[Region, ...]:

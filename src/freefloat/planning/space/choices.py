@@ -13,7 +13,6 @@ from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.ensemble.result import EnsembleResult
 from freefloat.limits.limits import Limits
 from freefloat.planning.candidates import Ball, Candidate, NearAttitude, Peak, ScoredAttitude
-from freefloat.planning.objective import Comparison
 from freefloat.planning.searches.pattern_search import Flags
 from freefloat.planning.settings import Search, SearchDomain
 from freefloat.planning.space.attitude_map import AttitudeMap
@@ -33,6 +32,31 @@ _STARTS = 12
 """Samples from which attitudes of larger merit are searched for."""
 _FINE = 1e-4
 """Clouds smaller than this end a search [rad]."""
+_NEAREST_SAMPLES = 4
+"""Nearest samples, the last starts tried."""
+_FACTORS = 1.02, 1.06
+"""Radii of the balls tried, in units of the spare angle: reported radii are slightly smaller."""
+_MOST_CLOUDS = 8
+"""Clouds on the way to the target, at most."""
+_CLOUD = 1024
+"""Attitudes of a cloud."""
+_RADIUS = 4.0
+"""Radius of a cloud, in units of the ball's."""
+_CENTRES = 8000
+"""Centres considered in a cloud."""
+_ROUNDS = 20
+"""Balls examined in a cloud, at most."""
+_SEPARATION = 1.06
+"""Angle between a centre and attitudes outside, in units of the ball's radius: those known do not
+lie exactly on the boundary."""
+_FEW, _OTHERS = 64, 3
+"""Directions in which centres are tried first, and how many beside the nearest."""
+_SHELL = 384
+"""Attitudes tried on the sphere of a ball."""
+_INSIDE = 128
+"""Attitudes tried inside it."""
+_FINEST = 1e-4
+"""Accuracy of a centre [rad]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,10 +87,8 @@ class SampledChoices:
 
     def largest_merits(self) -> Sequence[Candidate]:
         """Those with locally largest merits."""
-        search, samples = self.search, self.samples
-        merit = Comparison(
-            search.objective, search.from_attitude, self.limits, self.evaluator, samples.margins
-        )
+        samples = self.samples
+        merit = self.search.comparison(self.evaluator, self.limits, samples.margins)
         table = merit(samples.attitudes, samples.results.motions)
         branches = [None] if samples.problem.redundant else [*range(table.shape[1])]
         starts = separate_best(samples.attitudes, table, branches, _STARTS, samples.spacing)
@@ -136,33 +158,6 @@ class SampledChoices:
     @property
     def _present(self) -> Array:
         return np.asarray(self.search.present)
-
-
-_NEAREST_SAMPLES = 4
-"""Nearest samples, the last starts tried."""
-_FACTORS = 1.02, 1.06
-"""Radii of the balls tried, in units of the spare angle: reported radii are slightly smaller."""
-_MOST_CLOUDS = 8
-"""Clouds on the way to the target, at most."""
-_CLOUD = 1024
-"""Attitudes of a cloud."""
-_RADIUS = 4.0
-"""Radius of a cloud, in units of the ball's."""
-_CENTRES = 8000
-"""Centres considered in a cloud."""
-_ROUNDS = 20
-"""Balls examined in a cloud, at most."""
-_SEPARATION = 1.06
-"""Angle between a centre and attitudes outside, in units of the ball's radius: those known do not
-lie exactly on the boundary."""
-_FEW, _OTHERS = 64, 3
-"""Directions in which centres are tried first, and how many beside the nearest."""
-_SHELL = 384
-"""Attitudes tried on the sphere of a ball."""
-_INSIDE = 128
-"""Attitudes tried inside it."""
-_FINEST = 1e-4
-"""Accuracy of a centre [rad]."""
 
 
 def nearest_with_spare(

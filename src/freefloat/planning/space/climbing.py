@@ -15,7 +15,6 @@ from freefloat.planning.searches.pattern_search import (
     ROUNDS,
     Clouds,
     Flags,
-    Pattern,
     Searches,
     pattern_search,
     shortest,
@@ -125,7 +124,7 @@ class Climb:
     merit: Callable[[Array, IntArray | None], Array]
     domain: SearchDomain
     finest: float
-    pattern: Pattern = field(default_factory=Clouds)
+    pattern: Clouds = field(default_factory=Clouds)
 
     def __call__(
         self, starts: Sequence[ScoredAttitude], size: float, rounds: int = ROUNDS

@@ -26,6 +26,8 @@ _SLOWER, _SLOWDOWNS = 2.0, 16
 the duration of the plan is among them."""
 _TRIALS = 7
 """Timings that are tried, each slower than the one before; two are enough without weight."""
+_INSTANTS, _USED = 501, 0.99
+"""Instants at which the use of limits is looked at, and the ratio above which one is used."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,10 +118,6 @@ def _retiming(result: Plan, plan: Plan, agrees: bool) -> Retiming:
     if result.chosen is not None and result.chosen.motion.completed:
         usage = limit_usage(result.chosen.motion, result.limits or Limits())
     return Retiming(result, plan.problem.path.duration, agrees, usage)
-
-
-_INSTANTS, _USED = 501, 0.99
-"""Instants at which the use of limits is looked at, and the ratio above which one is used."""
 
 
 def limit_usage(motion: Motion, limits: Limits) -> dict[str, float]:

@@ -31,6 +31,12 @@ _NEWTON_STEPS, _LONGEST, _LAST_STEP = 30, 0.1, 1e-13
 """Most Newton steps, the longest one, and that which is last [rad, fraction of the duration]."""
 _STEP = 1e-7
 """Step of differences [rad, fraction of the duration]."""
+_TIMES = 400
+"""Instants from one rest to the next at which candidates are computed."""
+_NEAR_REST = np.geomspace(1e-6, 1.0 / _TIMES, 40)
+"""Fractions of that next to a rest: there momentum and drift count for more than the path."""
+_REST = 1e-9
+"""Speed on the path, as a fraction of the mean speed, below which it rests."""
 
 
 def planar_touch_points(
@@ -161,14 +167,6 @@ def _same(point: TouchPoint, other: TouchPoint) -> bool:
         and abs(point.time - other.time) < 1e-9 * max(1.0, point.time)
         and np.abs(wrapped(angles)).max() < 1e-7
     )
-
-
-_TIMES = 400
-"""Instants from one rest to the next at which candidates are computed."""
-_NEAR_REST = np.geomspace(1e-6, 1.0 / _TIMES, 40)
-"""Fractions of that next to a rest: there momentum and drift count for more than the path."""
-_REST = 1e-9
-"""Speed on the path, as a fraction of the mean speed, below which it rests."""
 
 
 class PathState(NamedTuple):

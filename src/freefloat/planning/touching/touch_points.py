@@ -38,6 +38,10 @@ from freefloat.so3 import Array
 
 _PAIRS = 50
 """Pairs of angles tried for each touch point requested."""
+_EXACT = 1e-8
+_ANGLES = np.linspace(-np.pi, np.pi * (1.0 + 2.0 / 180), 182)
+"""Angles at which the distance is computed; one step more than a revolution, so that a root at its
+ends is found."""
 
 
 def touch_points(
@@ -163,12 +167,6 @@ def require_touch_points(problem: Problem) -> None:
         raise InputError(
             "touch", "the margin is zero, no motion is tangent to it", "a margin other than zero"
         )
-
-
-_EXACT = 1e-8
-_ANGLES = np.linspace(-np.pi, np.pi * (1.0 + 2.0 / 180), 182)
-"""Angles at which the distance is computed; one step more than a revolution, so that a root at its
-ends is found."""
 
 
 def tangent_points(
