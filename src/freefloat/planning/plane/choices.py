@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from math import tau
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
-from freefloat.ensemble.result import EnsembleResult
 from freefloat.limits.limits import Limits
 from freefloat.planning.candidates import Candidate, NearAttitude, WidestRange
 from freefloat.planning.objective import Comparison
@@ -86,9 +85,33 @@ class RangeChoices:
         return self._plane.heading(np.asarray(self._search.from_attitude))
 
     def _best_headings(self, merit: Comparison | None) -> tuple[Array, Array]:
-        ends = [_inner_ends(part) for _, part in self._ranges]
-        branches = np.array([branch for branch, _ in self._ranges])
-        return best_headings(self._evaluator, ends, branches, merit)
+        """The largest merit, or minimum margin, in each range, and its heading [rad], shape (R,).
+
+        All ranges are searched at once, on ever finer grids around the peaks of their merits.
+        """
+        evaluator, ranges = self._evaluator, [_inner_ends(part) for _, part in self._ranges]
+        grids = [np.linspace(low, high, _TRIED) for low, high in ranges]
+        spacing, steps = np.ptp(ranges, axis=1) / (_TRIED - 1), np.linspace(-1.0, 1.0, _PARTS + 1)
+        while True:
+            sizes = [len(grid) for grid in grids]
+            branches = np.repeat([branch for branch, _ in self._ranges], sizes)
+            numbers = None if evaluator.problem.redundant else branches
+            attitudes = self._plane.attitudes(np.concatenate(grids))
+            if merit is None:
+                values = evaluator.margins(attitudes, numbers)
+            else:
+                values = evaluator.largest(attitudes, numbers, merit)
+            merits = np.split(values, np.cumsum(sizes)[:-1])
+            if spacing.max() <= _FINEST:
+                break
+            for k, (low, high) in enumerate(ranges):
+                top = grids[k][_peaks(merits[k])[:_TOP]]
+                grids[k] = np.unique(np.clip(top[:, None] + spacing[k] * steps, low, high))
+            spacing *= 2.0 / _PARTS
+        best = [int(np.argmax(row)) for row in merits]
+        pick = zip(merits, grids, best, strict=True)
+        largest, headings = zip(*((row[i], grid[i]) for row, grid, i in pick), strict=True)
+        return np.array(largest), np.array(headings)
 
     def _best(self, merit: Comparison | None) -> list[Candidate]:
         merits, headings = self._best_headings(merit)
@@ -115,45 +138,6 @@ def _inner_ends(part: HeadingRange, inside: float = 0.0) -> tuple[float, float]:
     """Headings inside both limits of a range by an angle, or by a millionth of a radian."""
     inside = min(max(_INSIDE, inside), part.width / 2.0)
     return part.low + inside, part.high - inside
-
-
-def best_headings(
-    evaluator: FeasibilityEvaluator,
-    ranges: list[tuple[float, float]],
-    branches: IntArray,
-    merit: Callable[[Array, EnsembleResult], Array] | None = None,
-) -> tuple[Array, Array]:
-    """The largest merit in each of some ranges of heading, and its heading [rad], shape (R,).
-
-    All ranges are searched at once, on ever finer grids around the peaks of their merits.
-
-    Args:
-        evaluator: Evaluator of the problem.
-        ranges: First and last headings [rad].
-        branches: Number of the arm branch of each range; a redundant arm's best branch counts.
-        merit: Merit of motions; the minimum margin when left out.
-    """
-    grids = [np.linspace(low, high, _TRIED) for low, high in ranges]
-    spacing, steps = np.ptp(ranges, axis=1) / (_TRIED - 1), np.linspace(-1.0, 1.0, _PARTS + 1)
-    while True:
-        sizes = [len(grid) for grid in grids]
-        numbers = None if evaluator.problem.redundant else np.repeat(branches, sizes)
-        attitudes = evaluator.problem.plane.attitudes(np.concatenate(grids))
-        if merit is None:
-            values = evaluator.margins(attitudes, numbers)
-        else:
-            values = evaluator.largest(attitudes, numbers, merit)
-        margins = np.split(values, np.cumsum(sizes)[:-1])
-        if spacing.max() <= _FINEST:
-            break
-        for k, (low, high) in enumerate(ranges):
-            top = grids[k][_peaks(margins[k])[:_TOP]]
-            grids[k] = np.unique(np.clip(top[:, None] + spacing[k] * steps, low, high))
-        spacing *= 2.0 / _PARTS
-    best = [int(np.argmax(row)) for row in margins]
-    pick = zip(margins, grids, best, strict=True)
-    largest, headings = zip(*((row[i], grid[i]) for row, grid, i in pick), strict=True)
-    return np.array(largest), np.array(headings)
 
 
 def _peaks(values: Array) -> IntArray:
