@@ -16,7 +16,7 @@ from freefloat.attitude_grids import low_discrepancy, sphere_directions
 from freefloat.ensemble.feasibility import is_kept
 from freefloat.planning.candidates import SearchEffort
 from freefloat.planning.searches import pattern_search
-from freefloat.planning.searches.pattern_search import Clouds, Searches, drawn_out, spread
+from freefloat.planning.searches.pattern_search import Clouds, Searches, shortened, spread
 from freefloat.so3 import Array, IntArray, frozen
 
 _ON_SPHERE = 0.5
@@ -86,7 +86,7 @@ def violations(
     Descents begin at known violations (M, 3), too, or next to them inside the ball: of a thin sheet
     of violations one leads to the others.
     """
-    vectors = np.vstack([radius * _in_unit_ball(effort.samples, seed), _shortened(known, radius)])
+    vectors = np.vstack([radius * _in_unit_ball(effort.samples, seed), shortened(known, radius)])
     values = regularity(vectors)
     kept = is_kept(values)
     if not kept.all():
@@ -122,12 +122,6 @@ def shortest_length(vectors: Array) -> float:
     return float(np.linalg.norm(vectors, axis=1).min())
 
 
-def _shortened(vectors: Array, length: float) -> Array:
-    """Vectors (..., 3), none longer than a length."""
-    lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
-    return np.asarray(vectors * np.minimum(1.0, length / np.maximum(lengths, np.finfo(float).tiny)))
-
-
 def _in_unit_ball(count: int, seed: int) -> Array:
     """Vectors spread on the unit sphere and in its ball, shape (count, 3)."""
     sequence = low_discrepancy(count * (seed + 1), 3)[-count:]
@@ -156,10 +150,12 @@ class _Balls(Clouds):
         self, points: Array, previous: Array, sizes: Array, number: int
     ) -> tuple[Array, Array]:
         """See :class:`.Clouds`."""
-        steps = points - previous
-        vectors = drawn_out(steps, sizes, number, _POINTS, _SPIRAL, (0.0, _AHEAD))
-        vectors = points[:, None] + vectors
-        vectors = _shortened(vectors, self.radius)
+        sequence = low_discrepancy(_POINTS * (number + 1), 3)[-_POINTS:]
+        offsets = sphere_directions(sequence[:, :2]) * _SPIRAL ** np.arange(_POINTS)[:, None]
+        steps = shortened(points - previous, sizes[:, None])
+        along = _AHEAD * sequence[:, 2] * (np.arange(_POINTS) % 3 > 0)
+        vectors = points[:, None] + offsets * sizes[:, None, None] + along[:, None] * steps[:, None]
+        vectors = shortened(vectors, self.radius)
         return vectors, np.linalg.norm(vectors - points[:, None], axis=2)
 
     def superseded(self, searches: Searches, sizes: Array) -> pattern_search.Flags:

@@ -68,26 +68,6 @@ class Searches:
         return np.asarray(same & (self.merits[:, None] < self.merits))
 
 
-def drawn_out(
-    steps: Array, sizes: Array, number: int, count: int, spiral: float, reach: tuple[float, float]
-) -> Array:
-    """Vectors up to sizes (A,), two in three drawn out along steps (A, 3), shape (A, count, 3).
-
-    The ``spiral`` is the ratio of lengths of successive ones, the ``reach`` that backward and
-    forward along a step no longer than the size.
-    """
-    sequence = low_discrepancy(count * (number + 1), 3)[-count:]
-    vectors = sphere_directions(sequence[:, :2]) * sizes[:, None, None]
-    vectors *= spiral ** np.arange(count)[:, None]
-    lengths = np.linalg.norm(steps, axis=1)
-    steps = (
-        steps * (np.minimum(lengths, sizes) / np.maximum(lengths, np.finfo(float).tiny))[:, None]
-    )
-    along = sum(reach) * sequence[:, 2] - reach[0]
-    along[::3] = 0.0
-    return np.asarray(vectors + along[:, None] * steps[:, None])
-
-
 class Clouds:
     """Attitudes around others, drawn out along the last step: narrow ridges are followed.
 
@@ -105,8 +85,13 @@ class Clouds:
             sizes: Largest distances, shape (A,).
             number: Varies the pattern.
         """
-        steps = rotation_vector_to(previous, points)
-        vectors = drawn_out(steps, sizes, number, _CLOUD, _CLOUD_SPIRAL, (_BEHIND, _AHEAD))
+        sequence = low_discrepancy(_CLOUD * (number + 1), 3)[-_CLOUD:]
+        vectors = sphere_directions(sequence[:, :2]) * sizes[:, None, None]
+        vectors *= _CLOUD_SPIRAL ** np.arange(_CLOUD)[:, None]
+        steps = shortened(rotation_vector_to(previous, points), sizes[:, None])
+        along = (_AHEAD + _BEHIND) * sequence[:, 2] - _BEHIND
+        along[::3] = 0.0
+        vectors += along[:, None] * steps[:, None]
         attitudes = rotated(np.repeat(points, _CLOUD, axis=0), vectors.reshape(-1, 3))
         return attitudes.reshape(len(points), _CLOUD, 4), np.linalg.norm(vectors, axis=2)
 
@@ -261,3 +246,10 @@ def depths(attitudes: Array, inside: npt.NDArray[np.bool_], threads: int = 1) ->
     angles = np.zeros(len(attitudes))
     angles[inside], _ = nearest_among(attitudes[~inside], threads)(attitudes[inside])
     return angles
+
+
+def shortened(vectors: Array, length: float | Array) -> Array:
+    """Vectors (..., 3), none longer than a length, or than lengths (..., 1)."""
+    lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    ratios = np.minimum(lengths, length) / np.maximum(lengths, np.finfo(float).tiny)
+    return np.asarray(vectors * ratios)
