@@ -29,6 +29,12 @@ class LargestMargin(Objective):
         """See :class:`Objective`."""
         return motions.minimum
 
+    def ranks(
+        self, compared: Comparison, attitudes: Array, motions: EnsembleResult
+    ) -> tuple[Array, ...]:
+        """See :class:`Objective`."""
+        return (-self.merits(compared, attitudes, motions),)
+
     def candidates(self, choices: Choices) -> Sequence[Candidate]:
         """See :class:`Objective`."""
         return choices.largest_margins()
@@ -85,6 +91,12 @@ class Robust(Objective):
         """See :class:`Objective`."""
         feasible = motions.keeps(compared.threshold)
         return np.column_stack([depths(attitudes, column) for column in feasible.T])
+
+    def ranks(
+        self, compared: Comparison, attitudes: Array, motions: EnsembleResult
+    ) -> tuple[Array, ...]:
+        """See :class:`Objective`."""
+        return (-self.merits(compared, attitudes, motions),)
 
     def candidates(self, choices: Choices) -> Sequence[Candidate]:
         """See :class:`Objective`."""
