@@ -7,6 +7,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from freefloat.ensemble.robots import Robots
 from freefloat.ensemble.systems import Systems
 from freefloat.ensemble.wrist_flips import has_wrist_flipped_branches
 from freefloat.errors import InputError
@@ -62,7 +63,7 @@ def starts_at(
         systems: Robots and paths of the motions; the problem's when left out.
     """
     if systems is not None and systems.robots is not None:
-        return _starts_of_robots(problem, systems, attitudes, branch, joints)
+        return _starts_of_robots(problem, systems, systems.robots, attitudes, branch, joints)
     if branch is not None and joints is not None:
         raise InputError("branch", f"{branch} was given together with joints", "branch or joints")
     offsets = None if systems is None else systems.start_offsets
@@ -88,7 +89,12 @@ def _starts_of_robot(
 
 
 def _starts_of_robots(
-    problem: Problem, systems: Systems, attitudes: Array, branch: int | None, joints: Array | None
+    problem: Problem,
+    systems: Systems,
+    robots: Robots,
+    attitudes: Array,
+    branch: int | None,
+    joints: Array | None,
 ) -> Starts:
     """Near the starts of the problem's robot; where these do not lead there, those of a model.
 
@@ -103,7 +109,7 @@ def _starts_of_robots(
         begun = found.joints[:, 0]
         if joints is not None and problem.redundant:
             begun = np.broadcast_to(joints, begun.shape)
-        q, certain = _near_starts(problem, systems, attitudes, begun)
+        q, certain = _near_starts(problem, robots, offsets, attitudes, begun)
         if joints is not None:  # an arm branch that the problem's robot does not have
             certain &= problem.model.joint_distance(begun, joints) <= _REQUESTED
         if problem.redundant:
@@ -135,15 +141,15 @@ def _starts_of_robots(
 
 
 def _near_starts(
-    problem: Problem, systems: Systems, attitudes: Array, joints: Array
+    problem: Problem, robots: Robots, offsets: Array | None, attitudes: Array, joints: Array
 ) -> tuple[Array, BoolArray]:
     """The configurations (K, n) of robots near joint values (K, n), and whether they are."""
-    robots, pose = systems.robots, problem.path.pose(0.0)
+    pose = problem.path.pose(0.0)
     every = np.flatnonzero(np.isfinite(joints).all(axis=1))
     back = Rotation.from_quat(attitudes).as_matrix().swapaxes(1, 2)
     position = np.broadcast_to(pose.position, (len(joints), 3))
-    for offsets in (robots.offsets, systems.start_offsets):
-        position = position if offsets is None else position + offsets
+    for moved in (robots.offsets, offsets):
+        position = position if moved is None else position + moved
     q, near = np.full(joints.shape, np.nan), np.zeros(len(joints), dtype=bool)
     q[every], residuals = Newton.of(problem.model, problem.task).solved(
         (back @ position[..., None])[..., 0], back @ pose.rotation, every, joints[every],

@@ -90,7 +90,7 @@ class Limits(AttitudeLimits):
 
     def of_joints(self, count: int) -> Limits:
         """The limits of a robot of whose joints only the first ones move, as arrays (count,)."""
-        bounds = {
+        bounds: dict[str, Any] = {
             kind.name: bound[:count] if bound.ndim else np.full(count, bound)
             for kind in GIVEN
             if issubclass(kind, MagnitudeLimit)

@@ -99,7 +99,8 @@ def _diagnostics(
     """Errors of the decoder and of the rules in their order, then warnings by line."""
     virtual = partial(_virtual_base, mounted=mounted)
     errors = (*_ERRORS, virtual) if mounted else (*_ERRORS, virtual, _total_mass)
-    warnings = (*WARNINGS, *more, partial(root_masses, mounted=mounted))
+    masses = partial(root_masses, mounted=mounted)
+    warnings: tuple[Callable[[RobotDescription], Faults], ...] = (*WARNINGS, *more, masses)
     diagnostics = list(robot.diagnostics)
     for severity, rules in ((Severity.ERROR, errors), (Severity.WARNING, warnings)):
         faults = (fault for rule in rules for fault in rule(robot))

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from freefloat.lockstep.compilation import compiled, inner
-from freefloat.so3 import Array
+from freefloat.so3 import Array, IntArray
 
 
 class States(NamedTuple):
@@ -83,7 +83,7 @@ class Friction(NamedTuple):
 @compiled
 def reduce_dynamics(
     mass: Array, bias: Array, columns: Array, starts: Array, momenta: Array, wheels: Array,
-    prevented: Array, out: Dynamics,
+    prevented: IntArray, out: Dynamics,
 ) -> None:  # fmt: skip
     """Eliminate the spacecraft from equations of motion in MuJoCo's order.
 

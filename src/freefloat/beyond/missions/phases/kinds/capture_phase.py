@@ -100,7 +100,7 @@ class CapturePhase(Phase):
         height *= not problem.model.on_table
         rate, inertia, axis = R @ client.angular_velocity, R @ client.inertia @ R.T, plane.axis
         product = np.abs(inertia[:2, 2]).max() / np.trace(inertia)
-        for value, problem in (
+        for value, reason in (
             (height, f"its centre of mass is at {axis} = {height:.4g} m"),
             (np.abs(rate[:2]).max(), f"it turns about another axis than {axis}"),
             (product, f"{axis} is no principal axis of it"),
@@ -110,7 +110,7 @@ class CapturePhase(Phase):
                     f"a body with its centre of mass at {axis} = 0 that turns about its principal "
                     f"axis {axis}"
                 )
-                raise InputError("body", f"{problem}, in a planar task", accepted)
+                raise InputError("body", f"{reason}, in a planar task", accepted)
 
     def _require_consistent(self, tumbling: Tumbling) -> None:
         """Raise an InputError unless inertia and centre of mass are those of the body's rotation.
