@@ -19,7 +19,7 @@ import yaml
 from pydantic import TypeAdapter
 
 from freefloat.io.scenario.schema import ScenarioFile
-from freefloat.studies.study import StudyFile
+from freefloat.studies.study_file import StudyFile
 from tests.commands import run, without_progress
 
 ROOT = Path(__file__).resolve().parents[1]

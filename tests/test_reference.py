@@ -17,7 +17,7 @@ import yaml
 import freefloat as ff
 from freefloat.cli.models import bundled_file
 from freefloat.io.scenario.schema import ScenarioFile
-from freefloat.studies.study import StudyFile
+from freefloat.studies.study_file import StudyFile
 from tests.commands import document, run
 from tests.documents import PAGES, ROOT
 

@@ -20,7 +20,7 @@ from packaging.requirements import Requirement
 from freefloat.cli.app import app
 from freefloat.cli.models import catalogue
 from freefloat.io.scenario.schema import ScenarioFile
-from freefloat.studies.study import StudyFile
+from freefloat.studies.study_file import StudyFile
 
 SCHEMAS = {"scenario": ScenarioFile, "study": StudyFile}
 MARKER = re.compile(

@@ -19,7 +19,7 @@ from tests.example_studies import a_study
 pytestmark = pytest.mark.usefixtures("kernels")
 
 DRAWN: dict[str, Any] = {"momentum.2": {"uniform": [-1e-3, 1e-3]}}
-START: dict[str, Any] = {"heading_deg": 16.0, "branch": 1}
+START: dict[str, Any] = {"heading_deg": 16.0, "start": {"branch": 1}}
 """From here the second link swings through the spacecraft."""
 
 

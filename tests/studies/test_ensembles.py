@@ -78,7 +78,10 @@ def rows_of(study: Study, folder: Path) -> list[Row]:
         (DISTURBED, {"base": BASE | {"margin": FRACTION | {"fraction_of": "run"}}}),
         (DISTURBED | {"heading_deg": {"uniform": [130.0, 230.0]}},
          {"base": BASE | {"search": {"joints": [0.5, -1.0, 0.5]}}}),
-        (DISTURBED, {"branch": "best", "heading_deg": 120.0}),
+        (DISTURBED, {"start": {"branch": "best"}, "heading_deg": 120.0}),
+        (ROBOTS | {"heading_deg": {"uniform": [130.0, 230.0]}},
+         {"start": {"joints": [0.5, -1.0, 0.5]}}),
+        (DISTURBED, {"base": REDUNDANT, "start": {"joints": {"q1": 0.5, "q2": 1.0, "q3": 0.5}}}),
         (DISTURBED | MARGINS, {"base": BASE | {"limits": {"base_rate": 0.02, "joint_rate": 0.5}}}),
     ],
 )  # fmt: skip
@@ -120,7 +123,7 @@ def test_a_fraction_is_of_the_unvaried_robot_or_of_each_run(command: str, tmp_pa
 def test_the_base_of_a_fraction_may_lack_what_all_runs_have(tmp_path: Path) -> None:
     base = SHORT | {"margin": FRACTION, "timing": {}}
     vary = {"timing.duration": {"list": [8.0, 9.0]}, "robot.scale_mass": {"list": [1.0, 2.0]}}
-    study = a_study(tmp_path, vary, base=base, combine="zipped", branch=0, files="none")
+    study = a_study(tmp_path, vary, base=base, combine="zipped", start={"branch": 0}, files="none")
     assert [row["error"] for row in rows_of(study, tmp_path / "out")] == [None, None]
 
 

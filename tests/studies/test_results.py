@@ -139,7 +139,7 @@ def test_a_database_refuses_other_values_and_one_that_was_changed_is_an_error(
 
 
 def test_tables_have_parameters_and_results_in_order(tmp_path: Path) -> None:
-    study = a_study(tmp_path, MIXED, combine="zipped", branch=0)
+    study = a_study(tmp_path, MIXED, combine="zipped", start={"branch": 0})
     files = save_tables(tmp_path, finished(study, tmp_path, *RUNS))
     table = pyarrow.parquet.read_table(files["parquet"]).to_pydict()
     assert list(table)[:9] == [

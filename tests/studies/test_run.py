@@ -43,7 +43,7 @@ def joints(row: dict[str, Any]) -> list[float]:
 
 @pytest.mark.slow
 def test_a_simulation_has_the_results_of_simulate_and_its_file(tmp_path: Path) -> None:
-    simulated = results(tmp_path, HEADINGS, branch=0)
+    simulated = results(tmp_path, HEADINGS, start={"branch": 0})
     problem = load_scenario(tmp_path / "base.yaml").problem()
     for result, heading in zip(simulated, HEADINGS["heading_deg"]["list"], strict=True):
         row, start = result.values, heading_quaternion(np.radians(heading))
@@ -65,7 +65,7 @@ def test_a_simulation_has_the_results_of_simulate_and_its_file(tmp_path: Path) -
 def test_a_run_in_space_has_no_heading(tmp_path: Path) -> None:
     """Not even from an attitude that is a rotation about z."""
     base = yaml.safe_load(find_scenario("spatial_6dof/line").read_text())
-    keys = {"base": base, "heading_deg": None, "attitude": [0.0, 0.0, 0.0, 1.0], "branch": "best"}
+    keys = {"base": base, "heading_deg": None, "attitude": [0.0, 0.0, 0.0, 1.0]}
     (row,) = rows(tmp_path, {"timing.duration": {"list": [100]}}, **keys)
     assert row["completed"]
     assert [row[f"attitude.{axis}"] for axis in "xyzw"] == [0.0, 0.0, 0.0, 1.0]
@@ -138,28 +138,29 @@ def test_a_map_has_the_results_of_map(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_simulations_follow_the_branch_of_the_undisturbed_motion(tmp_path: Path) -> None:
     """With less momentum the other one is better, but the arm is not on it."""
-    vary = {"momentum.2": {"list": [-0.5]}, "heading_deg": {"list": [120.0, 200.0]}}
-    undisturbed = rows(tmp_path, HEADINGS | {"heading_deg": vary["heading_deg"]})
-    assert [row["branch"] for row in undisturbed] == [1, 0]
-    default, best = rows(tmp_path, vary), rows(tmp_path, vary, branch="best")
-    assert [(row["branch"], row["verdict"]) for row in default] == [
-        (1, "infeasible"), (0, "infeasible"),
-    ]  # fmt: skip
-    assert [(row["branch"], row["verdict"]) for row in best] == [(0, "feasible"), (1, "feasible")]
-    for row, start in zip(default, undisturbed, strict=True):
-        assert joints(row) == pytest.approx(joints(start))
+    vary = {"momentum.2": {"list": [-0.5]}}
+    for heading in (120.0, 200.0):
+        (row,) = rows(tmp_path, vary, heading_deg=heading)
+        undisturbed = load_scenario(tmp_path / "base.yaml").simulate(heading=np.radians(heading))
+        chosen = undisturbed.chosen.branch
+        assert (row["branch"], row["verdict"]) == (chosen.index, "infeasible")
+        assert joints(row) == pytest.approx(chosen.joints.tolist())
+        (best,) = rows(tmp_path, vary, heading_deg=heading, start={"branch": "best"})
+        assert (best["branch"], best["verdict"]) == (1 - chosen.index, "feasible")
+    varied = rows(tmp_path, vary | {"heading_deg": {"list": [120.0, 200.0]}})
+    assert [(row["branch"], row["verdict"]) for row in varied] == [(0, "feasible"), (1, "feasible")]
 
 
 def test_an_arm_that_is_not_the_bases_has_no_undisturbed_motion(tmp_path: Path) -> None:
     vary = {"robot.urdf": "planar_2dof", "task": "planar-position", "path.polynomial.x.0": 1.0}
     (row,) = rows(tmp_path, {key: {"list": [value]} for key, value in vary.items()})
-    assert "branch: " in str(row["error"])
+    assert "start.joints: " in str(row["error"])
 
 
 @pytest.mark.slow
 def test_violated_margins_and_limits_are_infeasible(tmp_path: Path) -> None:
     vary = {"margin.value": {"list": [5, 200]}, "limits.base_rate": {"list": [1.0, 1e-4]}}
-    checked = rows(tmp_path, vary, branch=0)
+    checked = rows(tmp_path, vary, start={"branch": 0})
     assert [row["verdict"] for row in checked] == ["feasible", *["infeasible"] * 3]
     assert [row["limits_kept"] for row in checked] == [True, False, True, False]
     ratios = [row["limits.base_rate"] for row in checked]
@@ -189,7 +190,7 @@ def test_an_error_of_a_solver_becomes_a_row(tmp_path: Path, monkeypatch) -> None
     def fails(*_: object, **__: object) -> None:
         raise np.linalg.LinAlgError("Singular\nmatrix")
 
-    monkeypatch.setattr("freefloat.studies.records.simulate", fails)
+    monkeypatch.setattr("freefloat.studies.run.simulate", fails)
     assert rows(tmp_path)[0]["error"] == "LinAlgError: Singular matrix"
 
 

@@ -67,7 +67,7 @@ def assert_results(row: Row, alone: Row) -> None:
 
 @pytest.mark.slow
 def test_a_study_has_the_rows_of_its_runs_and_is_not_repeated(folder: Path) -> None:
-    study = a_study(folder, HEADINGS, branch=0)
+    study = a_study(folder, HEADINGS, start={"branch": 0})
     fractions: list[float] = []
     result = run_study(study, folder / "out", workers=2, progress=fractions.append)
     assert fractions == pytest.approx([1 / 3, 2 / 3, 1.0])

@@ -71,5 +71,5 @@ def test_robots_whose_arm_branches_are_looked_for_one_by_one_have_no_indices(
 ) -> None:
     vary = {"robot.scale_mass.link_1": {"uniform": [0.9, 1.2]}}
     keys = {"base": SHORT, "cases": 16, "files": "none"}
-    assert sensitivities(a_study(tmp_path, vary, branch="best", **keys)) == []
-    assert sensitivities(a_study(tmp_path, vary, branch=0, **keys))
+    assert sensitivities(a_study(tmp_path, vary, start={"branch": "best"}, **keys)) == []
+    assert sensitivities(a_study(tmp_path, vary, start={"branch": 0}, **keys))

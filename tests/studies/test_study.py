@@ -45,7 +45,7 @@ def test_a_run_is_the_base_with_its_values(tmp_path: Path) -> None:
 
 
 def test_a_start_may_vary_and_is_no_key_of_the_scenario(tmp_path: Path) -> None:
-    study = a_study(tmp_path, {"heading_deg": {"list": [10, 20]}}, branch=1)
+    study = a_study(tmp_path, {"heading_deg": {"list": [10, 20]}}, start={"branch": 1})
     assert [study.start(k) for k in (0, 1)] == [
         {"heading_deg": 10, "branch": 1}, {"heading_deg": 20, "branch": 1},
     ]  # fmt: skip
@@ -95,7 +95,13 @@ RANDOM, LISTED = {"momentum.2": {"uniform": [0, 1]}}, {"momentum.2": {"list": [0
         ({"phases.0.duration": {"list": [9]}}, {}, "vary.phases.0.duration"),
         ({"search.seed": {"list": [1, 2]}}, {}, "vary.search.seed"),
         (LISTED, {"command": "plan"}, "heading_deg"),
-        (LISTED, {"command": "plan", "heading_deg": None, "branch": 1}, "branch"),
+        (LISTED, {"command": "plan", "heading_deg": None, "start": {"branch": 1}}, "start"),
+        (LISTED, {"branch": 1}, "branch"),
+        (LISTED, {"start": {"branch": 1, "joints": [0.1, 0.2, 0.3]}}, "start"),
+        (LISTED, {"start": {"branch": "worst"}}, "start.branch"),
+        (LISTED, {"start": {"joints": [0.1, 0.2]}}, "start.joints"),
+        (LISTED, {"start": {"joints": {"q1": 0.1, "q2": 0.2}}}, "start.joints"),
+        (LISTED, {"start": {"joints": [10.0, 20.0, 30.0]}}, "start.joints"),
         (LISTED, {"heading_deg": None}, "heading_deg"),
         (LISTED, {"attitude": [0, 0, 0, 1]}, "heading_deg"),
         ({**LISTED, "timing.duration": DURATIONS}, {"combine": "zipped"}, "combine"),
@@ -145,10 +151,10 @@ def test_a_base_without_a_valid_run_is_an_error(tmp_path: Path) -> None:
         a_study(tmp_path, LISTED, base=broken)
     assert (caught.value.source, caught.value.key) == (str(tmp_path / "base.yaml"), "margin")
     values = {"margin.value": {"list": [1, 5]}}
-    assert a_study(tmp_path, values, base=broken, branch="best").count == 2
+    assert a_study(tmp_path, values, base=broken, start={"branch": "best"}).count == 2
     with pytest.raises(InputError) as caught:  # the unvaried scenario has no motion
         a_study(tmp_path, values, base=broken)
-    assert (caught.value.source, caught.value.key) == (str(tmp_path / "study.yaml"), "branch")
+    assert (caught.value.source, caught.value.key) == (str(tmp_path / "study.yaml"), "start")
 
 
 def test_values_without_a_valid_run_are_an_error(tmp_path: Path) -> None:

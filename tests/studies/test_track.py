@@ -50,7 +50,7 @@ def test_the_table_of_survival_follows_from_the_seeds(tmp_path: Path) -> None:
 
 
 def test_a_run_has_the_results_of_track(tmp_path: Path) -> None:
-    study = a_study(tmp_path, VARY, branch=0, **TRACK)
+    study = a_study(tmp_path, VARY, start={"branch": 0}, **TRACK)
     problem = ff.load_scenario(tmp_path / "base.yaml").problem()
     simulation = ff.simulate(problem, heading=3.490658503988659, branch=0)
     tracking = ff.track(simulation, mass_error=0.2, noise=0.05, friction=0.01, seed=4)
@@ -65,17 +65,6 @@ def test_a_run_has_the_results_of_track(tmp_path: Path) -> None:
     assert columns["number"] == list(range(8))
     for name in result.values.keys() - {"began", "seconds"}:
         assert columns[name][7] == result.values[name]
-
-
-def test_a_refused_run_leaves_the_others_of_its_chunk_together(tmp_path: Path) -> None:
-    vary = {"track.noise": {"normal": {"mean": 0.001, "sd": 0.001}}}
-    study = a_study(tmp_path, vary, cases=12, branch=0, **TRACK)
-    (chunk,) = track_chunks(study, np.arange(12))
-    columns = tracked(PortableStudy(study), chunk, 2)
-    negative = [k for k in range(12) if study.parameters(k)["track.noise"] < 0.0]
-    assert negative
-    assert sorted([*negative, *columns["number"]]) == list(range(12))
-    assert "noise: -" in execute(PortableStudy(study), negative[0]).values["error"]
 
 
 @pytest.mark.usefixtures("kernels")
@@ -112,10 +101,12 @@ def test_keys_of_the_section_belong_to_the_command(tmp_path: Path) -> None:
     def key(vary: dict[str, Any], **keys: Any) -> str:
         return error_key(ff.load_study, write_study(tmp_path, vary, **TRACK | keys))
 
-    assert key(VARY, command="simulate") == "track.mass_error"
+    assert key(VARY, command="simulate") == "track"
     assert key({"momentum.2": {"list": [0.1]}}, command="simulate") == "track"
     assert key({"track.noise": {"list": [0.1, -1.0]}}) == "vary.track.noise"
+    negative = {"track.noise": {"normal": {"mean": 0.001, "sd": 0.001}}}
+    assert key(negative, cases=12) == "vary.track.noise"
     assert key({"track.noice": {"list": [0.1]}}) == "vary.track.noice"
     assert key({"track.seed": {"uniform": [0, 9]}}, cases=2) == "vary.track.seed"
     assert key(VARY, track={"gain": -1}) == "track.gain"
-    assert key(VARY, heading_deg=None, branch=1) == "branch"
+    assert key(VARY, heading_deg=None, start={"branch": 1}) == "start"

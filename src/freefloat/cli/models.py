@@ -54,7 +54,7 @@ def schema(as_json: Json = False, quiet: Quiet = False) -> None:
     Example: freefloat schema > freefloat.schema.json
     """
     from freefloat.io.scenario.schema import ScenarioFile
-    from freefloat.studies.study import StudyFile
+    from freefloat.studies.study_file import StudyFile
 
     schemas = {
         "scenario": ScenarioFile.model_json_schema(),

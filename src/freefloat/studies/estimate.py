@@ -18,7 +18,8 @@ from freefloat.studies.folder import DATABASE
 from freefloat.studies.portable import PortableStudy, study_files
 from freefloat.studies.run_values import FEWEST, group_numbers, why_alone
 from freefloat.studies.runner import has_undisturbed_file
-from freefloat.studies.study import Command, Study
+from freefloat.studies.study import Study
+from freefloat.studies.study_file import Command
 
 _TRACKED = 16
 """Closed loops that are timed."""

@@ -18,9 +18,7 @@ from freefloat.io.scenario.scenario import Scenario
 from freefloat.motion.problem import Problem
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import UPRIGHT
-from freefloat.studies.document import with_values
-from freefloat.studies.groups import Group, Start, Unvaried, limits_of_runs
-from freefloat.studies.records import branch_choice
+from freefloat.studies.groups import Group, limits_of_runs
 from freefloat.studies.robot_values import (
     SCALE_MASS,
     VariedRobot,
@@ -28,20 +26,21 @@ from freefloat.studies.robot_values import (
     vary_robots,
 )
 from freefloat.studies.run_values import fits_ensembles, is_bound
-from freefloat.studies.study import START_KEYS, Study
+from freefloat.studies.study import Study, initial_attitude
+from freefloat.studies.study_file import START_KEYS
+from freefloat.studies.variation import with_values
 
 
 def _begins_stricter(group: Group, number: int) -> bool:
     """Whether undisturbed motions with a run's robot are cheaper with a stricter tolerance."""
-    start = group.start
-    if start.attitude is None:
+    if group.attitude is None:
         return False
-    values, attitude = group.study.variation.values(number, 1), start.attitude[None]
+    values, attitude = group.study.variation.values(number, 1), group.attitude[None]
     robots, fits = group.robot.robots(values, np.array([number]))
     if not fits.all() or (robots is not None and not robots.suit(group.problem).all()):
         return False
     systems = Systems.of(group.problem, robots=robots)
-    starts = starts_at(group.problem, attitude, start.branch, start.joints, systems)
+    starts = starts_at(group.problem, attitude, group.branch, group.joints, systems)
     begun = starts.joints[starts.exist]
     every = np.zeros(len(begun), dtype=int)
     if robots is not None:  # else machine code for one robot is loaded, too
@@ -84,7 +83,20 @@ def _group(study: Study, number: int, reasons: list[str]) -> Group | None:
         reasons.append("several arms move")
         return None
     reasons += _unfit_values(study, scenario, problem, parameters)
-    start = _start_of(study, problem, parameters, reasons)
+    start = study.arm_start
+    branch = start.branch if isinstance(start.branch, int) else None
+    attitude, joints = None, None
+    if not any(key in parameters for key in START_KEYS):
+        attitude = initial_attitude(problem, study.initial_attitude(number))
+        if not problem.branches(attitude):
+            reasons.append("the arm does not reach the start of the path")
+        if start.joints is not None:
+            (joints,) = study.joints_near(attitude[None])
+    if start.joints is not None and len(start.joints) not in (
+        problem.model.arm_dof,
+        problem.model.dof,
+    ):
+        reasons.append("the unvaried robot has another number of joints")
     apart = bool(reasons)
     moved = vary_robots(study.content.vary, listed) or "timing.duration" in parameters
     limits, recorded, others = limits_of_runs(
@@ -96,43 +108,10 @@ def _group(study: Study, number: int, reasons: list[str]) -> Group | None:
     if apart:
         return None
     group = Group(
-        study, problem, scenario.content.margin.fraction is not None, start, limits, recorded,
-        others, nominal, _varied_robot(study, document, scenario),
+        study, problem, scenario.content.margin.fraction is not None, attitude, branch, joints,
+        limits, recorded, others, nominal, _varied_robot(study, document, scenario),
     )  # fmt: skip
     return replace(group, stricter=_begins_stricter(group, number))
-
-
-def _start_of(
-    study: Study, problem: Problem, parameters: Mapping[str, Any], reasons: list[str]
-) -> Start:
-    """How runs begin; adds why ensembles cannot, to the reasons."""
-    content = study.content
-    branch = content.branch if isinstance(content.branch, int) else None
-    unvaried = Unvaried.of(study) if content.branch is None else None
-    if unvaried is not None and unvaried.problem.model.arm_dof != problem.model.arm_dof:
-        reasons.append("the unvaried robot has another number of joints")
-    elif any(key in parameters for key in START_KEYS):
-        if content.branch is None and unvaried is None:
-            reasons.append(
-                "limits that only precise motions show choose the arm branch at each attitude, "
-                "unless branch or search.joints does"
-            )
-        return Start(branch=branch, unvaried=unvaried)
-    heading = None if content.heading_deg is None else np.radians(content.heading_deg)
-    attitude = problem.attitude(content.attitude, heading=heading)
-    if not problem.branches(attitude):
-        reasons.append("the arm does not reach the start of the path")
-    if reasons:
-        return Start(attitude)
-    joints = None
-    if unvaried is not None:
-        (joints,) = unvaried.joints_at(attitude[None], 1)
-    if content.branch is None and (joints is None or not np.isfinite(joints).all()):
-        choice = branch_choice(
-            None, study.posed(study.base), problem, attitude, study.base_source.absolute()
-        )
-        branch, joints = choice.get("branch"), choice.get("joints")
-    return Start(attitude, branch, joints)
 
 
 def _unfit_values(

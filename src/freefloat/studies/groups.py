@@ -28,73 +28,6 @@ _RECORDED_TOGETHER = 512
 
 
 @dataclass(frozen=True, eq=False)
-class Unvaried:
-    """The base scenario of a study, in the arm branches of whose motions the runs begin.
-
-    Attributes:
-        problem: The base scenario's problem, which may have ``start_joints``.
-        limits: Those on which the choice of its motion depends; None where it depends on none.
-    """
-
-    problem: Problem
-    limits: KnownLimits | None
-
-    @classmethod
-    def of(cls, study: Study) -> Unvaried | None:
-        """The unvaried scenario; None where limits of precise motions choose its motion."""
-        scenario = study.scenario_of(study.base)
-        problem = scenario.search().applied_to(scenario.problem())
-        if problem.start_joints is not None:
-            return cls(problem, None)
-        limits, recorded, others = limits_of_runs(scenario)
-        apart = others or recorded.names or not problem.model.has_one_arm
-        return None if apart else cls(problem, limits)
-
-    def joints_at(self, attitudes: Array, threads: int) -> Array:
-        """Initial joint values of its motions from attitudes (K, 4).
-
-        Returns:
-            Shape (K, n); NaN where there is no motion, or a precise one decides which it is.
-        """
-        required = np.full(len(attitudes), self.problem.margin.threshold)
-        begun = None
-        if self.problem.start_joints is not None:
-            sets = self.problem.many_branches(attitudes)
-            begun = np.full((len(attitudes), self.problem.model.arm_dof), np.nan)
-            begun[np.nonzero(sets.exist)[0]] = sets.joints[sets.exist]
-        motions = integrate_disturbed(
-            equivalents(self.problem.replace(start_joints=None), len(attitudes)), attitudes,
-            required, joints=begun, threads=threads, limits=self.limits,
-        )  # fmt: skip
-        if self.limits is None:
-            return motions.joints
-        certain = motions.limits.certain.all(axis=1)
-        return np.where((certain | ~motions.feasible)[:, None], motions.joints, np.nan)
-
-
-@dataclass(frozen=True, eq=False)
-class Start:
-    """The start of the runs of a group.
-
-    Attributes:
-        attitude: Initial attitude, shape (4,); None where it varies.
-        branch: Number of the arm branch; None for that near ``joints``, or the best of each run.
-        joints: Joint values near those of the arm branch, shape (n,).
-        unvaried: The base scenario, if the arm branch is that of its motion from each attitude.
-    """
-
-    attitude: Array | None = None
-    branch: int | None = None
-    joints: Array | None = None
-    unvaried: Unvaried | None = None
-
-    @property
-    def is_best(self) -> bool:
-        """Whether the arm branch is the best of each run."""
-        return self.branch is None and self.joints is None and self.unvaried is None
-
-
-@dataclass(frozen=True, eq=False)
 class Group:
     """Runs of a study that differ in disturbances alone.
 
@@ -102,7 +35,10 @@ class Group:
         study: The study.
         problem: What the runs have in common.
         relative: Whether the margin is a fraction of the largest value of each run's measure.
-        start: How the runs begin.
+        attitude: Initial attitude, shape (4,); None where it varies.
+        branch: Number of the arm branch; None for that near joints, or the best of each run.
+        joints: Joint values near those of the arm branch, shape (n,); None where the attitude
+            varies, or without them.
         limits: The limits that ensembles know.
         recorded: The limits that recorded motions show.
         others: Names of the limits that only precise motions show.
@@ -115,7 +51,9 @@ class Group:
     study: Study
     problem: Problem
     relative: bool
-    start: Start
+    attitude: Array | None
+    branch: int | None
+    joints: Array | None
     limits: KnownLimits
     recorded: RecordedLimits
     others: tuple[str, ...]
@@ -124,9 +62,9 @@ class Group:
     stricter: bool = False
 
     @property
-    def starts_by_models(self) -> bool:
-        """Whether runs with robots of their own begin where the model of each says."""
-        return self.start.is_best or self.problem.redundant
+    def starts_at_best(self) -> bool:
+        """Whether the arm branch is the best of each run."""
+        return self.branch is None and self.study.arm_start.joints is None
 
     def integrate(self, numbers: IntArray, threads: int) -> tuple[IntArray, ManyMotions]:
         """Integrate runs; return the numbers of those whose values fit, and their motions."""
@@ -150,14 +88,12 @@ class Group:
         places = numbers - first
         places = places[(fits & ~disturbed.turns_too_often)[places]]
         if attitudes is None:
-            attitudes = np.tile(np.asarray(self.start.attitude), (len(places), 1))
+            attitudes = np.tile(np.asarray(self.attitude), (len(places), 1))
         else:
             attitudes = attitudes[places]
-        joints = self.start.joints
-        if self.start.unvaried is not None:
-            joints = self.start.unvaried.joints_at(attitudes, threads)
-            known = np.isfinite(joints).all(axis=1)
-            places, attitudes, joints = places[known], attitudes[known], joints[known]
+        joints = self.joints
+        if joints is None and self.study.arm_start.joints is not None:
+            joints = self.study.joints_near(attitudes)
         disturbed = disturbed[places]
         if thresholds is None:
             required = self.problem.margin.threshold * fractions[places]
@@ -168,7 +104,7 @@ class Group:
             disturbed,
             attitudes,
             thresholds,
-            self.start.branch,
+            self.branch,
             joints,
             threads,
             limits=self.limits,
@@ -217,7 +153,7 @@ class Group:
         limits = motions.limits
         kept, known = (limits.ratios <= 1.0).all(axis=1), slice(len(self.limits.names))
         # another arm branch may keep what recorded motions show
-        decisive = known if self.start.is_best else slice(None)
+        decisive = known if self.starts_at_best else slice(None)
         violated = (limits.certain & (limits.ratios > 1.0))[:, decisive].any(axis=1)
         certain = violated & limits.certain[:, known].all(axis=1)
         certain |= limits.certain.all(axis=1) & kept & (not self.others)

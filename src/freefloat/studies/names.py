@@ -7,8 +7,7 @@ from collections.abc import Sequence
 
 from freefloat.io.scenario.schema import ScenarioFile
 from freefloat.io.scenario.yaml import description_at
-from freefloat.studies.study import StudyFile
-from freefloat.studies.track_section import TRACK
+from freefloat.studies.study_file import TRACK, StudyFile
 
 _VECTORS = ("momentum", "wheels.momentum", "drift", "attitude")
 """Keys whose entries are components."""

@@ -16,7 +16,7 @@ from freefloat.studies.columns import ERROR, FEASIBLE, INFEASIBLE, NUMBER, REAL,
 from freefloat.studies.rows import StudyRows, quoted
 from freefloat.studies.sensitivity import MARGIN, Sensitivity, sensitivities
 from freefloat.studies.study import Study
-from freefloat.studies.track_section import TRACK_SEED
+from freefloat.studies.study_file import TRACK_SEED
 
 _MAX_LISTED = 20
 """Largest number of errors, of reasons and of limiting quantities in the document."""

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import tempfile
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -14,13 +16,16 @@ from freefloat.io.files import file_errors, written_beside
 from freefloat.io.records.results import save
 from freefloat.io.scenario.scenario import Scenario
 from freefloat.kinds import STUDY_COMMANDS, named
+from freefloat.motion.problem import Problem
+from freefloat.planning.simulation import simulate
+from freefloat.so3 import Array
 from freefloat.studies.columns import ERROR, UNCHECKED, finite
-from freefloat.studies.document import error_of_study
 from freefloat.studies.folder import FILES, WRITABLE
 from freefloat.studies.portable import PortableStudy
-from freefloat.studies.records import computed_record
-from freefloat.studies.study import UNDISTURBED, Study
+from freefloat.studies.study import UNDISTURBED, Study, initial_attitude
+from freefloat.studies.study_file import Command
 from freefloat.studies.values import record_values
+from freefloat.studies.variation import error_of_study, scenario_from
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,6 +108,50 @@ def _computed(study: Study, number: int) -> tuple[dict[str, Any], Any]:
     record = computed_record(study.content.command, source, **inputs)
     contact = {} if study.contact_unchecked is None else {"contact": UNCHECKED}
     return finite(record_values(record)) | contact, record
+
+
+def computed_record(
+    command: Command, source: Path, *, document: dict[str, Any], start: dict[str, Any]
+) -> Any:
+    """The map, the simulation, or what ``plan`` finds for a scenario.
+
+    Args:
+        command: The command to execute.
+        source: The scenario's file, for relative paths.
+        document: Data of the scenario.
+        start: Start of a simulation, see :meth:`.study.Study.start`.
+    """
+    scenario = scenario_from(document, source)
+    if command is Command.PLAN:
+        return scenario.plan(threads=1)
+    if command is Command.MAP:
+        return scenario.map(threads=1)
+    attitude = initial_attitude(scenario.problem(), start)
+    problem, branch = with_arm_branch(scenario.problem(), attitude, start)
+    return simulate(problem, attitude, branch=branch)
+
+
+def with_arm_branch(
+    problem: Problem, attitude: Array, start: Mapping[str, Any]
+) -> tuple[Problem, int | None]:
+    """The problem, and the number of the arm branch to simulate; None for the best.
+
+    Args:
+        problem: The problem of a run.
+        attitude: Its initial attitude, shape (4,).
+        start: With ``branch``, or with ``joints`` near the arm branch; with neither for the best.
+
+    Raises:
+        InputError: If the robot has another number of joints.
+    """
+    if "joints" not in start:
+        return problem, start.get("branch")
+    joints = problem.model.joint_vector(start["joints"], "start.joints")
+    if problem.redundant:  # whose arm branches are others with another robot
+        return problem.replace(start_joints=joints), None
+    branches = problem.branches(attitude)
+    nearest = problem.nearest(joints, branches, math.inf) if branches else None
+    return problem, nearest and nearest.index
 
 
 def _file_content(record: Any, scenario: Scenario) -> bytes:

@@ -14,7 +14,8 @@ from freefloat.motion.problem import Problem
 from freefloat.so3 import Array, BoolArray, IntArray
 from freefloat.studies.columns import NUMBER, Column, Columns, as_numbers
 from freefloat.studies.robot_values import MASS_FACTORS, SCALE_MASS, is_robot_key, uniform_factors
-from freefloat.studies.study import START_KEYS, Command, Study
+from freefloat.studies.study import Study
+from freefloat.studies.study_file import START_KEYS, Command
 
 NO_ROWS: Columns = {NUMBER: ()}
 """Results of no run."""

@@ -20,7 +20,8 @@ from freefloat.studies.portable import PortableStudy, study_files
 from freefloat.studies.process_pool import completed_in_pool
 from freefloat.studies.results import StudyResult
 from freefloat.studies.run_values import group_numbers
-from freefloat.studies.study import START_KEYS, UNDISTURBED, Command, Study
+from freefloat.studies.study import UNDISTURBED, Study
+from freefloat.studies.study_file import START_KEYS, Command
 from freefloat.studies.tables import save_tables
 from freefloat.studies.tally import Tally
 
@@ -126,6 +127,8 @@ def run_in_stages(
                 before = tally.done
                 if before < study.count and not study.varies_robot:
                     _ = study.base_robot  # whose error is one of every run
+                if before < study.count:
+                    _ = study.start(0)  # likewise, and found once
                 sent = PortableStudy(study, () if scheduler is None else files)
                 count = workers or available_cores()
                 execution = _Execution(sent, database, tally, count, scheduler)
@@ -244,4 +247,6 @@ class _Execution:
 
 def has_undisturbed_file(study: Study) -> bool:
     """Whether the simulation of the unvaried scenario is written, too."""
-    return bool(study.start(0)) and not any(key in study.content.vary for key in START_KEYS)
+    return bool(study.initial_attitude(0)) and not any(
+        key in study.content.vary for key in START_KEYS
+    )

@@ -106,7 +106,10 @@ def sensitivities(study: Study) -> list[Sensitivity]:
 
     mixed = _MixedStudy(study.source, study.content, study.base_source, study.base)
     group, keys = group_of(mixed, 0), list(study.content.vary)
-    if group is None or (group.starts_by_models and any(key.startswith("robot.") for key in keys)):
+    if group is None:
+        return []
+    by_models = group.starts_at_best or group.problem.redundant
+    if by_models and any(key.startswith("robot.") for key in keys):
         return []
     decides = not (group.others or group.recorded.names)
     group = replace(group, recorded=group.recorded.without)

@@ -2,33 +2,40 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from enum import StrEnum
 from functools import cached_property, lru_cache
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any
 
-from pydantic import Field
+import numpy as np
 
 from freefloat.dynamics.measures import singularity_measure
 from freefloat.dynamics.tasks import Task
-from freefloat.errors import FreeFloatError, InputError
-from freefloat.io.scenario.field_types import Name, Number, Quaternion, Section, Seed
+from freefloat.errors import FreeFloatError, InputError, finite_number
+from freefloat.io.scenario.field_types import Section
 from freefloat.io.scenario.robot_section import RobotFile
 from freefloat.io.scenario.scenario import Scenario
 from freefloat.io.scenario.schema import MarginSection
-from freefloat.io.scenario.yaml import validated
+from freefloat.io.scenario.yaml import file_keys, validated
 from freefloat.limits.kinds.clearance import have_shapes
 from freefloat.limits.values import OFF
+from freefloat.motion.problem import Problem
+from freefloat.planning.settings import Search
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.singularities.global_maximum import largest_magnitude
-from freefloat.studies.document import scenario_from, with_values
-from freefloat.studies.sampling import Count, ValuesSection
-from freefloat.studies.track_section import TRACK, TrackSection
-from freefloat.studies.variation import Variation
+from freefloat.so3 import Array
+from freefloat.studies.study_file import (
+    START_KEYS,
+    TRACK,
+    Combine,
+    Command,
+    StartSection,
+    StudyFile,
+)
+from freefloat.studies.variation import Variation, scenario_from, with_values
 
-START_KEYS = ("attitude", "heading_deg")
-"""Keys that may vary but belong to the commands simulate and track, not to the scenario."""
 CLEARANCE = "limits.clearance"
 UNDISTURBED = -1
 """In place of the number of a run: the simulation of the base scenario as it is."""
@@ -38,57 +45,6 @@ _CONTACT_UNCHECKED = (
     "contact between bodies is not considered; limits: {clearance: 0} in the base scenario "
     "considers it"
 )
-
-
-class Command(StrEnum):
-    """The command that each run executes."""
-
-    PLAN = "plan"
-    MAP = "map"
-    SIMULATE = "simulate"
-    TRACK = "track"
-
-
-class Combine(StrEnum):
-    """How the listed values of several keys are combined."""
-
-    CROSSED = "crossed"
-    ZIPPED = "zipped"
-
-
-class StudyFile(Section):
-    """A study: a base scenario, the command to run, and the keys that vary between runs."""
-
-    base: Name
-    """A scenario file, relative to the study file, or the name of a bundled scenario."""
-    command: Command
-    """The command that each run executes."""
-    vary: Annotated[dict[Name, ValuesSection], Field(min_length=1, max_length=100)]
-    """Scenario keys by their dotted paths, such as momentum or timing.duration (entries of lists
-    by their index from 0: momentum.2); with commands simulate and track also attitude and
-    heading_deg, with track also those of its section, such as track.noise."""
-    combine: Combine = Combine.CROSSED
-    """Listed values of several keys: crossed (every combination) or zipped (the first of each,
-    the second of each, and so on)."""
-    cases: Count | None = None
-    """Number of random draws; where keys have listed values too, per combination of these."""
-    seed: Seed = 0
-    """Seed of all random values."""
-    files: Annotated[str, Field(pattern=r"^(none|all|worst [1-9][0-9]{0,6})$")] = "worst 20"
-    """Runs whose result files are kept, as the commands write them with -o: ``none``, ``all``, or
-    ``worst 20``, those with the smallest margins, and the undisturbed simulation; track has
-    none."""
-    attitude: Quaternion | None = None
-    """Commands simulate and track: initial attitude of the spacecraft, quaternion x, y, z, w.
-    Without it, track follows the plan of the scenario."""
-    heading_deg: Number | None = None
-    """The same for planar tasks: initial heading [degrees]."""
-    branch: Annotated[int, Field(strict=True, ge=0)] | Literal["best"] | None = None
-    """With attitude or heading_deg: number of the arm branch to integrate, or ``best``, that with
-    the largest minimum margin that keeps the limits, in each run. Default: the one that simulate
-    chooses for the unvaried scenario at the same attitude."""
-    track: TrackSection = TrackSection()
-    """Command track: deviations of the simulated robot, and its controller."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,13 +89,11 @@ class Study:
 
     @property
     def branch_rule(self) -> str | None:
-        """Arm branch that simulations integrate; None for other commands."""
-        branch = self.content.branch
-        if not self.start(0):
+        """Arm branch of the runs in words; None where these have no attitude."""
+        if not self.initial_attitude(0):
             return None
-        if branch is None:
-            return "the one that simulate chooses for the unvaried scenario"
-        return "the best of each run" if branch == "best" else str(branch)
+        start = self.content.start or self.default_start
+        return str(start or "the one that simulate chooses for the unvaried scenario")
 
     @cached_property
     def contact_unchecked(self) -> str | None:
@@ -219,11 +173,8 @@ class Study:
         return with_values(self.base, own)
 
     def inputs(self, number: int) -> dict[str, Any]:
-        """What determines a run's motion: its document, the base scenario, and the start."""
-        return {
-            "document": self.posed(self.document(number)), "base": self.posed(self.base),
-            "start": self.start(number),
-        }  # fmt: skip
+        """What determines a run's motion: its document and its start."""
+        return {"document": self.posed(self.document(number)), "start": self.start(number)}
 
     def scenario(self, number: int) -> Scenario:
         """The scenario of a run.
@@ -244,13 +195,78 @@ class Study:
             return scenario
         return replace(scenario, robot=self.base_robot)
 
+    def initial_attitude(self, number: int) -> dict[str, Any]:
+        """The attitude or heading_deg of a run; empty for commands that have none."""
+        values = {key: getattr(self.content, key) for key in START_KEYS} | self.parameters(number)
+        return {key: values[key] for key in START_KEYS if values[key] is not None}
+
     def start(self, number: int) -> dict[str, Any]:
-        """The start of a simulation: attitude or heading_deg, and branch if it is set."""
-        values = {key: getattr(self.content, key) for key in (*START_KEYS, "branch")}
-        values |= {k: v for k, v in self.parameters(number).items() if k in START_KEYS}
-        if number == UNDISTURBED:
-            del values["branch"]
-        return {key: value for key, value in values.items() if value is not None}
+        """How a run starts: attitude or heading_deg, and branch, or joints near the arm branch.
+
+        Neither branch nor joints stand for the best arm branch.
+
+        Raises:
+            InputError: If the unvaried scenario has no motion, and that chooses the arm branch.
+        """
+        start = self.initial_attitude(number)
+        if not start or self.arm_start.branch == "best":
+            return start
+        if self.arm_start.joints is None:
+            return start | {"branch": self.arm_start.branch}
+        attitude = initial_attitude(self.start_problem, start)
+        return start | {"joints": self.joints_near(attitude[None])[0].tolist()}
+
+    @property
+    def default_start(self) -> StartSection | None:
+        """The arm branch without ``start``; None for that of the unvaried scenario's motion."""
+        if not any(key in self.content.vary for key in START_KEYS):
+            return None
+        joints = (self.base.get("search") or {}).get("joints")
+        return StartSection(branch="best") if joints is None else StartSection(joints=joints)
+
+    @cached_property
+    def arm_start(self) -> StartSection:
+        """The arm branch of the runs; that of the unvaried scenario's motion is found once.
+
+        Raises:
+            InputError: If it has no motion.
+        """
+        start = self.content.start or self.default_start
+        if start is not None:
+            return start
+        try:
+            scenario = self.scenario(UNDISTURBED)
+            attitude = initial_attitude(scenario.problem(), self.initial_attitude(UNDISTURBED))
+            return StartSection(joints=scenario.simulate(attitude).chosen.branch.joints.tolist())
+        except FreeFloatError as error:
+            problem = f"the unvaried scenario has no motion that would choose it: {error}"
+            accepted = "start: {branch: best}, a number of a branch, or start: {joints: [...]}"
+            raise InputError("start", problem, accepted, self.source) from None
+
+    @cached_property
+    def start_problem(self) -> Problem:
+        """The unvaried problem, whose arm starts near the joints of :attr:`arm_start`.
+
+        Raises:
+            InputError: If these are not those of its robot.
+        """
+        with file_keys(search="start"):
+            search = Search(joints=self.arm_start.joints)
+            return search.applied_to(self.scenario(UNDISTURBED).problem())
+
+    def joints_near(self, attitudes: Array) -> Array:
+        """Joints at the starts of runs: the unvaried scenario's arm branches near those requested.
+
+        Args:
+            attitudes: Initial attitudes, shape (K, 4).
+
+        Returns:
+            Shape (K, n); those requested where no arm branch reaches the path.
+        """
+        found = np.tile(np.asarray(self.start_problem.start_joints), (len(attitudes), 1))
+        sets = self.start_problem.many_branches(attitudes)
+        found[np.nonzero(sets.exist)[0]] = sets.joints[sets.exist]
+        return found
 
     def tracking(self, number: int) -> dict[str, Any]:
         """The arguments of :func:`~freefloat.beyond.engines.tracking.track` in a run."""
@@ -271,3 +287,15 @@ def _largest(robot: FreeFloatingModel, task: Task, measure: str) -> float:
 
 def _states_clearance(limits: Any) -> bool:
     return isinstance(limits, dict) and limits.get("clearance") is not None
+
+
+def initial_attitude(problem: Problem, start: Mapping[str, Any]) -> Array:
+    """The attitude (4,) of a start with ``attitude`` or ``heading_deg``.
+
+    Raises:
+        InputError: If it is none of the problem.
+    """
+    heading = start.get("heading_deg")
+    if heading is not None:
+        heading = math.radians(finite_number("heading_deg", heading, "a finite number of degrees"))
+    return problem.attitude(start.get("attitude"), heading=heading)

@@ -27,10 +27,10 @@ from freefloat.studies.columns import (
     finite,
 )
 from freefloat.studies.portable import PortableStudy
-from freefloat.studies.records import computed_record
+from freefloat.studies.run import computed_record
 from freefloat.studies.run_values import NO_ROWS, Chunk
-from freefloat.studies.study import Command, Study
-from freefloat.studies.track_section import is_accepted
+from freefloat.studies.study import Study
+from freefloat.studies.study_file import Command
 from freefloat.studies.values import motion_values, record_values
 
 _FEWEST, _CHUNK = 8, 256
@@ -73,8 +73,6 @@ def track_values(study: Study, number: int) -> dict[str, Any]:
 def tracked(study: PortableStudy, chunk: Chunk, threads: int | None = None) -> Columns:
     """Simulate the runs of a chunk; return their rows, none if their motion is an error.
 
-    Runs whose arguments are not accepted have no row: they are executed one by one.
-
     Args:
         study: The study.
         chunk: The runs.
@@ -83,9 +81,6 @@ def tracked(study: PortableStudy, chunk: Chunk, threads: int | None = None) -> C
     here, threads = study.here, threads or available_cores()
     began, begin = datetime.now(UTC).isoformat(timespec="milliseconds"), time.perf_counter()
     arguments = {number: here.tracking(number) for number in chunk.numbers.tolist()}
-    arguments = {number: values for number, values in arguments.items() if is_accepted(values)}
-    if not arguments:
-        return NO_ROWS
     try:
         inputs = json.dumps(here.inputs(chunk.first))
         followed = followed_motion(inputs, here.base_source.absolute())
