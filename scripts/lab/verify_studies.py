@@ -33,10 +33,10 @@ from freefloat.ensemble.endings import DECIDERS, MOTION, NORMAL
 from freefloat.robot.bundled import find_scenario
 from freefloat.so3 import IntArray
 from freefloat.studies.columns import NUMBER, Columns
+from freefloat.studies.disturbances import Chunk
 from freefloat.studies.ensembles import integrated
 from freefloat.studies.portable import PortableStudy
 from freefloat.studies.run import execute
-from freefloat.studies.run_values import Chunk
 from freefloat.studies.study import Study
 
 NEAR = 1e-4

@@ -122,7 +122,7 @@ RESULT_KINDS = {
         "visualization.figures.figures:plan_figures",
         "visualization.scenes.result_scenes:plan_scene",
         "verification.path_motions:plan_report",
-        "studies.values:plan_values",
+        "studies.record_values:plan_values",
         "cli.plan:plan_tables",
     ),
     "motion": ResultKind(
@@ -130,7 +130,7 @@ RESULT_KINDS = {
         "visualization.figures.figures:simulation_figures",
         "visualization.scenes.result_scenes:simulation_scene",
         "verification.path_motions:simulation_report",
-        "studies.values:simulation_values",
+        "studies.record_values:simulation_values",
     ),
     "goal": ResultKind(
         "beyond.missions.goals.goal_motion:GoalMotion",
@@ -155,14 +155,14 @@ RESULT_KINDS = {
         "visualization.figures.figures:attitude_map_figures",
         "visualization.scenes.map_scene:map_scene",
         "verification.margin_maps:map_report",
-        "studies.values:attitude_map_values",
+        "studies.record_values:attitude_map_values",
     ),
     "map": ResultKind(
         "planning.margin_map:HeadingMap",
         "visualization.figures.figures:heading_map_figures",
         "visualization.scenes.heading_scene:heading_scene",
         "verification.margin_maps:map_report",
-        "studies.values:heading_map_values",
+        "studies.record_values:heading_map_values",
     ),
     "singularity map": ResultKind(
         "beyond.joint_space.singularity_map:SingularityMap",

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 import freefloat as ff
+from freefloat.studies.disturbances import group_numbers
 from freefloat.studies.ensembles import chunks, integrated
 from freefloat.studies.estimate import why_run_by_run
 from freefloat.studies.grouping import group_of
 from freefloat.studies.portable import PortableStudy
 from freefloat.studies.run import execute
-from freefloat.studies.run_values import group_numbers
 from freefloat.studies.runner import run_study
 from freefloat.studies.study import Study
 from tests.errors import error_key

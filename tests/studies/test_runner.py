@@ -27,7 +27,7 @@ from freefloat.studies.estimate import estimate_study
 from freefloat.studies.loading import load_study
 from freefloat.studies.portable import PortableStudy, study_files
 from freefloat.studies.run import execute
-from freefloat.studies.runner import run_in_stages, run_study
+from freefloat.studies.runner import run_study
 from tests.commands import document, error, run
 from tests.errors import error_key
 from tests.example_studies import HEADINGS, SHORT, a_study, write_study
@@ -299,7 +299,7 @@ def test_every_step_of_a_study_has_its_progress(folder: Path) -> None:
     def stages(name: str) -> Any:
         return nullcontext(steps.setdefault(name, []).append)
 
-    run_in_stages(study, folder / "out", 1, None, None, True, stages)
+    run_study(study, folder / "out", workers=1, stages=stages)
     assert list(steps) == ["finished runs", "40 runs", "3 result files", "tables", "report"]
     assert steps["3 result files"] == pytest.approx([1 / 3, 2 / 3, 1.0])
 

@@ -13,9 +13,9 @@ import pytest
 
 import freefloat as ff
 from freefloat.studies.estimate import why_run_by_run
+from freefloat.studies.record_values import record_values
 from freefloat.studies.runner import run_study
 from freefloat.studies.study import Study
-from freefloat.studies.values import record_values
 from tests.commands import document, run
 from tests.example_studies import BASE as PLANAR
 from tests.example_studies import a_study

@@ -24,8 +24,6 @@ if TYPE_CHECKING:
 
 _MAX_ROWS = 20
 """Runs listed by a dry run; --json lists all."""
-_MANY = 200
-"""Runs of which some are timed before they are executed one by one."""
 
 _Study = Annotated[
     str,
@@ -85,9 +83,9 @@ def batch(
 
     Example: freefloat batch spatial_6dof/montecarlo --run 17 -o run.h5
     """
-    from freefloat.studies.estimate import estimate_study, seconds_one_by_one, why_run_by_run
+    from freefloat.studies.estimate import estimate_study, why_run_by_run
     from freefloat.studies.loading import load_study
-    from freefloat.studies.runner import run_in_stages
+    from freefloat.studies.runner import run_study
 
     console = Console(as_json, quiet)
     loaded = load_study(study)
@@ -114,13 +112,11 @@ def batch(
     logging.getLogger("asyncio").setLevel(logging.CRITICAL)  # of a scheduler that Ctrl-C leaves
     try:
         if not (quiet or as_json) and reason is not None:
-            with console.progress("timing runs"):
-                seconds = seconds_one_by_one(loaded, workers) if loaded.count >= _MANY else None
-            duration = "" if seconds is None else f"; up to about {time_text(seconds)}"
-            say(f"{loaded.source}: runs on their own, because {reason}{duration}")
-        result = run_in_stages(
-            loaded, output, workers, scheduler, _fraction(until), report, console.progress
-        )
+            say(f"{loaded.source}: runs on their own, because {reason}")
+        result = run_study(
+            loaded, output, workers=workers, scheduler=scheduler, until=_fraction(until),
+            report=report, stages=console.progress,
+        )  # fmt: skip
     except KeyboardInterrupt:
         say("the same command continues the study")
         raise

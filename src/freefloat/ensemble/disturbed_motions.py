@@ -69,7 +69,6 @@ def integrate_disturbed(
     progress: Progress | None = None,
     *,
     limits: KnownLimits | None = None,
-    stricter: bool = False,
 ) -> ManyMotions:
     """Integrate the motions that stand for disturbed ones; arguments as of ``simulate_many``.
 
@@ -83,7 +82,6 @@ def integrate_disturbed(
         progress: Called with the fraction done.
         limits: Motions that keep these are preferred to others, as by simulate; those near the
             bounds are integrated strictly, too.
-        stricter: As of :meth:`.EnsembleIntegrator.integrate`, for the first ensemble.
     """
     problem = disturbed.problem
     starts = starts_at(problem, attitudes, branch, joints, disturbed.systems)
@@ -91,7 +89,7 @@ def integrate_disturbed(
     begun = starts.joints[owners, columns]
     motions, moments, deciders, replaced = _decided(
         disturbed[owners], attitudes[owners], begun, thresholds[owners], threads, progress,
-        limits=limits, stricter=stricter,
+        limits=limits,
     )  # fmt: skip
     required = thresholds[owners] / disturbed.magnifications[owners]
     preferred = keeps_threshold(motions.minimum, required)
@@ -137,7 +135,6 @@ def _decided(
     progress: Progress | None,
     *,
     limits: KnownLimits | None,
-    stricter: bool,
 ) -> tuple[EnsembleResult, Array, npt.NDArray[np.int8], BoolArray]:
     """Results of the nominal problem's motions with the times of extreme values, what decided them.
 
@@ -172,7 +169,7 @@ def _decided(
         return np.asarray(kept & ~values.certain.all(axis=1))
 
     step: Progress | None = step_of(progress, 0.0, _FIRST_PASS)
-    first = integrated(slice(None), STEP_TOLERANCE, stricter=stricter, progress=step)
+    first = integrated(slice(None), STEP_TOLERANCE, progress=step)
     motions = EnsembleResult._make(values.copy() for values in first)
     nearly_singular = _PLANAR_RATIO if disturbed.problem.task.planar else _SINGULAR_RATIO
     again = (motions.endings != COMPLETED) | (motions.determinant_ratios < nearly_singular)

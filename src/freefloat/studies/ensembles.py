@@ -30,10 +30,10 @@ from freefloat.studies.columns import (
     Column,
     Columns,
 )
+from freefloat.studies.disturbances import NO_ROWS, Chunk
 from freefloat.studies.grouping import group_of
 from freefloat.studies.groups import Group
 from freefloat.studies.portable import PortableStudy
-from freefloat.studies.run_values import NO_ROWS, Chunk
 from freefloat.studies.study import Study
 
 CHUNK = 4096
@@ -47,7 +47,7 @@ def study_chunks(study: Study, groups: IntArray, missing: IntArray) -> Iterator[
 
     Args:
         study: The study.
-        groups: Number of the group of each run, see :func:`.run_values.group_numbers`.
+        groups: Number of the group of each run, see :func:`.disturbances.group_numbers`.
         missing: Numbers of runs, ascending.
     """
     if command := STUDY_COMMANDS.get(study.content.command):
@@ -75,7 +75,7 @@ def chunks(groups: IntArray, missing: IntArray, size: int = CHUNK) -> Iterator[C
     """Yield the missing runs of groups, some at a time.
 
     Args:
-        groups: Number of the group of each run, see :func:`.run_values.group_numbers`.
+        groups: Number of the group of each run, see :func:`.disturbances.group_numbers`.
         missing: Numbers of runs, ascending.
         size: Largest number of runs in a chunk.
     """

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -14,9 +15,9 @@ from freefloat.concurrency import available_cores
 from freefloat.so3 import IntArray
 from freefloat.studies.columns import ERROR, NUMBER, finite
 from freefloat.studies.database import open_results
+from freefloat.studies.disturbances import FEWEST, group_numbers, why_alone
 from freefloat.studies.folder import DATABASE
 from freefloat.studies.portable import PortableStudy, study_files
-from freefloat.studies.run_values import FEWEST, group_numbers, why_alone
 from freefloat.studies.runner import has_undisturbed_file
 from freefloat.studies.study import Study
 from freefloat.studies.study_file import Command
@@ -25,6 +26,8 @@ _TRACKED = 16
 """Closed loops that are timed."""
 _TIMED_RUNS, _ENOUGH = 5, 2.0
 """Largest number of runs that are timed one by one, and a time after which these are enough [s]."""
+Task = TypeVar("Task")
+Result = TypeVar("Result")
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,14 +142,14 @@ def estimate_study(
     files = study.kept_files if study.kept_files < study.count else 0
     files = max(0, files - named) + (bool(study.kept_files) and has_undisturbed_file(study))
     parallel, sent = min(count or 1, available_cores()), PortableStudy(study)
-    chunks = _time_chunks(sent, missing, parallel)
+    chunks, apart, fraction = _time_chunks(sent, missing, parallel)
     try:
-        alone = _time_runs(sent, chunks.left, study.kept_files >= study.count)
+        alone = _time_runs(sent, apart, study.kept_files >= study.count)
         written = _time_runs(sent, missing[:files], True)
     except _NoneTimed as error:
         return replace(estimate, basis=str(error))
     start = chunks.start + alone.start + written.start
-    seconds = chunks.each * (len(missing) - chunks.count) + alone.each * chunks.count
+    seconds = (chunks.each * (1.0 - fraction) + alone.each * fraction) * len(missing)
     return replace(
         estimate,
         run_seconds=seconds / len(missing),
@@ -158,21 +161,6 @@ def estimate_study(
     )
 
 
-def seconds_one_by_one(study: Study, workers: int | None) -> float | None:
-    """Expected duration of a study whose runs all go one by one [s]; None if all tried are errors.
-
-    Args:
-        study: The study.
-        workers: Number of processes; default is one per core.
-    """
-    try:
-        timed = _time_runs(PortableStudy(study), np.arange(study.count), False)
-    except _NoneTimed:
-        return None
-    parallel = min(workers or available_cores(), available_cores())
-    return timed.start + timed.each * study.count / parallel
-
-
 @dataclass(frozen=True)
 class _Timed:
     """Some runs that were timed.
@@ -181,64 +169,68 @@ class _Timed:
         each: Time of a run on a core [s].
         start: Time before the first [s].
         basis: What was timed.
-        count: Number of runs that are left for a step after it.
-        left: Numbers of some of these.
     """
 
     each: float = 0.0
     start: float = 0.0
     basis: str = ""
-    count: int = 0
-    left: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))
 
 
-def _time_chunks(sent: PortableStudy, missing: IntArray, threads: int) -> _Timed:
-    """Time runs that are computed side by side: one chunk to load, and another."""
+def _timed(work: Callable[[Task], Result], tasks: Iterable[Task]) -> tuple[list[Result], _Timed]:
+    """Results of tasks, and how long each takes; the first one loads what all need."""
+    results, times = list[Result](), list[float]()
+    for task in tasks:
+        begin = time.perf_counter()
+        results.append(work(task))
+        times.append(time.perf_counter() - begin)
+        if len(times) > 1 and sum(times) > _ENOUGH:
+            break
+    each = float(np.mean(times[1:] or times))
+    return results, _Timed(each, max(0.0, times[0] - each))
+
+
+def _time_chunks(
+    sent: PortableStudy, missing: IntArray, threads: int
+) -> tuple[_Timed, IntArray, float]:
+    """Time two chunks of runs; return some runs that need one of their own, and their fraction."""
     study, groups = sent.study, group_numbers(sent.study)
     track = study.content.command is Command.TRACK
     alone = missing[(groups[missing] < 0) & (not track)]
     if len(alone) == len(missing):
-        return _Timed(count=len(missing), left=missing)
+        return _Timed(), missing, 1.0
     from freefloat.studies.ensembles import computed, study_chunks  # compiled kernels
 
-    todo, times = study_chunks(study, groups, missing), list[float]()
-    first = next(todo, None)
-    if first is None:
-        return _Timed(count=len(missing), left=missing)
-    for chunk in (first, next(todo, first)):
-        some = replace(chunk, numbers=chunk.numbers[:_TRACKED]) if track else chunk
-        begin = time.perf_counter()
-        numbers = np.asarray(computed(sent, some, threads)[NUMBER], dtype=int)
-        times.append(time.perf_counter() - begin)
-    cold, warm = times
+    todo = study_chunks(study, groups, missing)
+    if (first := next(todo, None)) is None:
+        return _Timed(), missing, 1.0
+    chunks = [
+        replace(chunk, numbers=chunk.numbers[:_TRACKED]) if track else chunk
+        for chunk in (first, next(todo, first))
+    ]
+    rows, timed = _timed(lambda chunk: computed(sent, chunk, threads), chunks)
+    numbers, tried = np.asarray(rows[-1][NUMBER], dtype=int), chunks[-1].numbers
+    undecided = (1.0 - len(numbers) / len(tried)) * (1.0 - len(alone) / len(missing))
     basis = f"{len(numbers)} runs {'side by side' if track else 'of an ensemble'}"
-    left = np.concatenate([alone, np.setdiff1d(some.numbers, numbers)])
-    undecided = 1.0 - len(numbers) / len(some.numbers)
-    count = len(alone) + round(undecided * (len(missing) - len(alone)))
-    each = warm * threads / len(some.numbers)
-    return _Timed(each, max(0.0, cold - warm), basis if len(numbers) else "", count, left)
+    timed = replace(
+        timed, each=timed.each * threads / len(tried), basis=basis if len(numbers) else ""
+    )
+    apart = np.concatenate([alone, np.setdiff1d(tried, numbers)])
+    return timed, apart, len(alone) / len(missing) + undecided
 
 
 def _time_runs(sent: PortableStudy, numbers: IntArray, save: bool) -> _Timed:
     """Time some of the runs on their own, with their result files if these are saved."""
-    from freefloat.studies.run import RunResult, execute  # imports slowly
+    from freefloat.studies.run import execute  # imports slowly
 
     if not len(numbers):
         return _Timed()
     places = np.linspace(0, len(numbers) - 1, min(_TIMED_RUNS, len(numbers))).astype(int)
-    runs, times = list[RunResult](), list[float]()
-    for number in numbers[places].tolist():
-        begin = time.perf_counter()
-        runs.append(execute(sent, number, save))
-        times.append(time.perf_counter() - begin)
-        if len(times) > 1 and sum(times) > _ENOUGH:
-            break
+    runs, timed = _timed(lambda number: execute(sent, number, save), numbers[places].tolist())
     if all(run.values["verdict"] == ERROR for run in runs):
         reason = f"run {runs[0].number}: {runs[0].values['error']}"
         raise _NoneTimed(f"no run could be timed, {reason}")
-    each = float(np.mean(times[1:] or times))
     listed = ", ".join(str(run.number) for run in runs)
-    return _Timed(each, max(0.0, times[0] - each), f"run{'s' * (len(runs) > 1)} {listed}")
+    return replace(timed, basis=f"run{'s' * (len(runs) > 1)} {listed}")
 
 
 class _NoneTimed(Exception):

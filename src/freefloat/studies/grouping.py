@@ -3,55 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
-import numpy as np
-
-from freefloat.ensemble.ensemble import EnsembleIntegrator
-from freefloat.ensemble.starts import starts_at
-from freefloat.ensemble.systems import Systems
 from freefloat.errors import FreeFloatError
 from freefloat.io.scenario.path_schema import FrameName
 from freefloat.io.scenario.scenario import Scenario
 from freefloat.motion.problem import Problem
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import UPRIGHT
+from freefloat.studies.disturbances import fits_ensembles, is_bound
 from freefloat.studies.groups import Group, limits_of_runs
-from freefloat.studies.robot_values import (
+from freefloat.studies.study import Study, initial_attitude
+from freefloat.studies.study_file import START_KEYS
+from freefloat.studies.variation import with_values
+from freefloat.studies.varied_robots import (
     SCALE_MASS,
     VariedRobot,
     nominal_values,
     vary_robots,
 )
-from freefloat.studies.run_values import fits_ensembles, is_bound
-from freefloat.studies.study import Study, initial_attitude
-from freefloat.studies.study_file import START_KEYS
-from freefloat.studies.variation import with_values
-
-
-def _begins_stricter(group: Group, number: int) -> bool:
-    """Whether undisturbed motions with a run's robot are cheaper with a stricter tolerance."""
-    if group.attitude is None:
-        return False
-    values, attitude = group.study.variation.values(number, 1), group.attitude[None]
-    robots, fits = group.robot.robots(values, np.array([number]))
-    if not fits.all() or (robots is not None and not robots.suit(group.problem).all()):
-        return False
-    systems = Systems.of(group.problem, robots=robots)
-    starts = starts_at(group.problem, attitude, group.branch, group.joints, systems)
-    begun = starts.joints[starts.exist]
-    every = np.zeros(len(begun), dtype=int)
-    if robots is not None:  # else machine code for one robot is loaded, too
-        systems = replace(systems, robots=robots[every])
-    once, again = (
-        EnsembleIntegrator(group.problem, 1)
-        .integrate(attitude[every], begun, systems, stricter=stricter)
-        .evaluations.sum()
-        for stricter in (True, False)
-    )
-    return bool(once < again)
 
 
 def group_of(study: Study, number: int) -> Group | None:
@@ -82,22 +53,7 @@ def _group(study: Study, number: int, reasons: list[str]) -> Group | None:
     if not problem.model.has_one_arm:
         reasons.append("several arms move")
         return None
-    reasons += _unfit_values(study, scenario, problem, parameters)
-    start = study.arm_start
-    branch = start.branch if isinstance(start.branch, int) else None
-    attitude, joints = None, None
-    if not any(key in parameters for key in START_KEYS):
-        attitude = initial_attitude(problem, study.initial_attitude(number))
-        if not problem.branches(attitude):
-            reasons.append("the arm does not reach the start of the path")
-        if start.joints is not None:
-            (joints,) = study.joints_near(attitude[None])
-    if start.joints is not None and len(start.joints) not in (
-        problem.model.arm_dof,
-        problem.model.dof,
-    ):
-        reasons.append("the unvaried robot has another number of joints")
-    apart = bool(reasons)
+    apart = list(_unfit_values(study, scenario, problem, parameters))
     moved = vary_robots(study.content.vary, listed) or "timing.duration" in parameters
     limits, recorded, others = limits_of_runs(
         scenario, mounts=_mounts_vary(parameters), moved=moved
@@ -105,13 +61,25 @@ def _group(study: Study, number: int, reasons: list[str]) -> Group | None:
     if others:
         shown = f"limits that only precise motions show ({', '.join(others)})"
         reasons.append(f"{shown} are checked along these where all else is kept")
+    reasons[:0] = apart
     if apart:
         return None
-    group = Group(
-        study, problem, scenario.content.margin.fraction is not None, attitude, branch, joints,
-        limits, recorded, others, nominal, _varied_robot(study, document, scenario),
+    start, attitude, joints = study.arm_start, None, None
+    if start.joints is not None and study.start_problem.model.arm_dof != problem.model.arm_dof:
+        reasons.append("the unvaried robot has another number of joints")
+        return None
+    if not any(key in parameters for key in START_KEYS):
+        attitude = initial_attitude(problem, study.initial_attitude(number))
+        if not problem.branches(attitude):
+            reasons.append("the arm does not reach the start of the path")
+            return None
+        if start.joints is not None:
+            (joints,) = study.joints_near(attitude[None])
+    return Group(
+        study, problem, scenario.content.margin.fraction is not None, attitude,
+        start.branch if isinstance(start.branch, int) else None, joints, limits, recorded, others,
+        nominal, _varied_robot(study, document, scenario),
     )  # fmt: skip
-    return replace(group, stricter=_begins_stricter(group, number))
 
 
 def _unfit_values(

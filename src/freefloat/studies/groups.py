@@ -17,11 +17,11 @@ from freefloat.limits.recorded_limits import RECORDED, RecordedLimits
 from freefloat.motion.pointing import AttitudeLimits
 from freefloat.motion.problem import Problem
 from freefloat.so3 import Array, BoolArray, IntArray
-from freefloat.studies.robot_values import (
+from freefloat.studies.disturbances import FRACTION, arrays_of, bound_ratios, limit_scales
+from freefloat.studies.study import Study
+from freefloat.studies.varied_robots import (
     VariedRobot,
 )
-from freefloat.studies.run_values import FRACTION, arrays_of, bound_ratios, limit_scales
-from freefloat.studies.study import Study
 
 _RECORDED_TOGETHER = 512
 """Motions that are recorded at once."""
@@ -44,8 +44,6 @@ class Group:
         others: Names of the limits that only precise motions show.
         nominal: Values of the varied keys of limits and margin that the problem has.
         robot: The robot of which those of the runs are variations.
-        stricter: Whether ensembles begin with a stricter tolerance, as the undisturbed motion is
-            cheaper then.
     """
 
     study: Study
@@ -59,7 +57,6 @@ class Group:
     others: tuple[str, ...]
     nominal: Mapping[str, float]
     robot: VariedRobot
-    stricter: bool = False
 
     @property
     def starts_at_best(self) -> bool:
@@ -108,7 +105,6 @@ class Group:
             joints,
             threads,
             limits=self.limits,
-            stricter=self.stricter,
         )
         if self.recorded.names:
             motions = self._with_recorded(disturbed, motions, threads)

@@ -7,7 +7,7 @@ import os
 from collections import deque
 from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import BrokenExecutor, Future, ProcessPoolExecutor
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from queue import SimpleQueue
@@ -20,6 +20,9 @@ from freefloat.studies.portable import PortableStudy
 
 FEW = 32
 """Largest number of tasks that this process executes, too: others take seconds to start."""
+_ENDED = 2
+"""Number of workers that end as they start, one after the other, after which no other is tried."""
+_KILLED = "a worker process was killed; its run is begun again"
 Task = TypeVar("Task")
 Result = TypeVar("Result")
 _studies: list[PortableStudy] = []
@@ -34,8 +37,7 @@ def completed_in_pool(
 ) -> Generator[tuple[Task, Result | None]]:
     """Yield tasks of a study and their results as they are completed.
 
-    Where a worker dies, the tasks that were begun are repeated one at a time; the result of one
-    whose worker dies again is None.
+    Where a worker dies, another one repeats its task; if that dies, too, the result is None.
 
     Args:
         work: What is done with the study and a task.
@@ -46,43 +48,8 @@ def completed_in_pool(
     Raises:
         InputError: If workers end before they have started.
     """
-    waiting, few = deque(tasks), len(tasks) <= FEW
-    processes = min(workers, len(tasks)) - few
-    begun, _ = yield from _completed(work, study, waiting, processes, few)
-    while begun:
-        said = "a worker process was killed; the runs that were begun are repeated one by one"
-        logging.getLogger("freefloat").warning(said)
-        suspects = deque(begun)
-        while suspects:
-            again, started = yield from _completed(work, study, suspects, 1)
-            if again and not started:
-                accepted = 'a script that calls it below `if __name__ == "__main__":`'
-                raise InputError("workers", "worker processes end as they start", accepted)
-            yield from ((task, None) for task in again)
-        begun, _ = yield from _completed(work, study, waiting, min(workers, len(waiting)))
-
-
-def _completed(
-    work: Callable[[PortableStudy, Task], Result],
-    study: PortableStudy,
-    waiting: deque[Task],
-    processes: int,
-    here: bool = False,
-) -> Generator[tuple[Task, Result], None, tuple[list[Task], bool]]:
-    """Yield waiting tasks and their results.
-
-    Returns:
-        The tasks that were begun when a worker died, and whether any worker had started.
-
-    Args:
-        work: What is done with the study and a task.
-        study: The study.
-        waiting: The tasks, which are removed as they are begun.
-        processes: Number of workers.
-        here: Whether this process executes tasks, too.
-    """
-    completed = SimpleQueue[tuple[Task, Result | BaseException] | None]()
-    begun, missing = list[Task](), len(waiting)
+    waiting, missing, few = deque(tasks), len(tasks), len(tasks) <= FEW
+    completed = SimpleQueue[tuple[Task | None, Result | BaseException]]()
 
     def remaining() -> Iterator[Task]:
         """Tasks that no process has begun, each for the one that takes it."""
@@ -90,62 +57,65 @@ def _completed(
             while True:
                 yield waiting.popleft()
 
-    def feed(pool: ProcessPoolExecutor, start: Future[None]) -> None:
+    def feed(worker: ProcessPoolExecutor, start: Future[None]) -> None:
         """Give a worker one task after another, in a thread."""
-        if here:  # a worker that starts slowly takes no task from this process
-            start.exception()
-        for task in remaining():
-            try:
-                completed.put((task, pool.submit(_execute, work, task).result()))
-            except BaseException as error:  # which the main thread raises
-                completed.put((task, error))
-                break
-        completed.put(None)
+        task = None
+        try:
+            start.result()  # a worker that starts slowly takes no task from others
+            for task in remaining():
+                completed.put((task, worker.submit(_execute, work, task).result()))
+        except BaseException as error:  # which the main thread raises
+            completed.put((task, error))
 
-    with _pool(study, processes) as (pool, starts):
-        for start in starts:
-            Thread(target=feed, args=(pool, start), daemon=True).start()
-        for task in remaining() if here else ():
+    with ExitStack() as stack:
+
+        def begin() -> None:
+            worker = stack.enter_context(_worker(study))
+            Thread(target=feed, args=worker, daemon=True).start()
+
+        for _ in range(min(workers, missing) - few):
+            begin()
+        for task in remaining() if few else ():
             yield task, work(study, task)
             missing -= 1
-        active = processes
-        while missing and active:
-            item = completed.get()
-            if item is None:
-                active -= 1
-                continue
-            missing -= 1
-            task, outcome = item
+        repeated, ended = list[Task](), 0
+        while missing:
+            begun, outcome = completed.get()
             if isinstance(outcome, BrokenExecutor):
-                begun.append(task)
+                ended = ended + 1 if begun is None else 0
+                if ended == _ENDED:
+                    accepted = 'a script that calls it below `if __name__ == "__main__":`'
+                    raise InputError("workers", "worker processes end as they start", accepted)
+                logging.getLogger("freefloat").warning(_KILLED)
+                begin()
+                if begun is not None and begun not in repeated:
+                    repeated.append(begun)
+                    waiting.appendleft(begun)
+                elif begun is not None:
+                    yield begun, None
+                    missing -= 1
             elif isinstance(outcome, BaseException):
                 raise outcome
-            else:
-                yield task, outcome
-        started = any(start.done() and start.exception() is None for start in starts)
-    return begun, started
+            elif begun is not None:
+                yield begun, outcome
+                missing -= 1
 
 
 @contextmanager
-def _pool(
-    study: PortableStudy, processes: int
-) -> Iterator[tuple[ProcessPoolExecutor, list[Future[None]]]]:
-    """Workers and their first tasks; they end with the block or this process, not by Ctrl-C."""
+def _worker(study: PortableStudy) -> Iterator[tuple[ProcessPoolExecutor, Future[None]]]:
+    """A worker and its first task; it ends with the block or this process, not by Ctrl-C."""
     context = get_context("spawn")
     lifeline, held = context.Pipe(duplex=False)
-    starts: list[Future[None]] = []
     with isolated_starts():
-        pool = ProcessPoolExecutor(
-            processes or 1, context, initializer=_begin, initargs=(lifeline, study)
-        )
+        worker = ProcessPoolExecutor(1, context, initializer=_begin, initargs=(lifeline, study))
     try:
         with isolated_starts(), interrupts_deferred():
-            starts += [pool.submit(_start) for _ in range(processes)]
-        yield pool, starts
+            start = worker.submit(_start)
+        yield worker, start
     finally:
         with interrupts_deferred():
             held.close()
-            pool.shutdown(cancel_futures=True)
+            worker.shutdown(cancel_futures=True)
             lifeline.close()
 
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from freefloat.statistics import confidence_interval, percentage
-from freefloat.studies.columns import ERROR, FEASIBLE, INFEASIBLE, NUMBER, REAL, VERDICTS
+from freefloat.studies.columns import ERROR, FEASIBLE, INFEASIBLE, REAL, VERDICTS
 from freefloat.studies.rows import StudyRows, quoted
 from freefloat.studies.sensitivity import MARGIN, Sensitivity, sensitivities
 from freefloat.studies.study import Study
@@ -151,29 +151,22 @@ class StudyResult:
 
         Empty where every combination has one run, or there is only one.
         """
-        variation, numbers = self.study.variation, self.rows.column(NUMBER)
-        places = variation.places(0, self.study.count)
-        keys = [key for key in self.study.content.vary if key in places and key != TRACK_SEED]
-        indices = np.stack([places[key] for key in keys] or [np.zeros(self.study.count, int)])
-        found, groups = np.unique(indices[:, numbers], axis=1, return_inverse=True)
-        if not 1 < found.shape[1] < len(numbers):
+        varied = [key for key in self.study.variation.listed if key != TRACK_SEED]
+        columns = [name for name in self.rows.parameters
+                   if {name, name.rpartition(".")[0]} & {*varied}]  # fmt: skip
+        if not varied:
             return []
-        verdicts, margins = self.rows.columns(("verdict", "margin")).values()
-        feasible, runs = (
-            np.bincount(groups.ravel(), chosen, found.shape[1]).astype(int).tolist()
-            for chosen in (verdicts == FEASIBLE, verdicts != ERROR)
+        query = (
+            "SELECT min(number), sum(verdict = 'feasible'), sum(verdict != 'error'), min(margin) "
+            f"FROM runs GROUP BY {', '.join(map(quoted, columns))} ORDER BY min(number)"
         )
-        smallest = np.full(found.shape[1], np.inf)
-        np.minimum.at(smallest, groups.ravel(), np.where(np.isnan(margins), np.inf, margins))
+        found = list(self.rows.query(query))
+        if not 1 < len(found) < self.done:
+            return []
         return [
-            Combination(
-                {key: variation.listed[key][k] for key, k in zip(keys, place, strict=True)},
-                *counts, float(margin) if np.isfinite(margin) else None,
-            )
-            for place, counts, margin in zip(
-                found.T.tolist(), zip(feasible, runs, strict=True), smallest, strict=True
-            )
-        ]  # fmt: skip
+            Combination({key: self.study.parameters(number)[key] for key in varied}, *results)
+            for number, *results in found
+        ]
 
     @cached_property
     def reasons(self) -> dict[str, int]:

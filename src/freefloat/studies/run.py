@@ -22,9 +22,9 @@ from freefloat.so3 import Array
 from freefloat.studies.columns import ERROR, UNCHECKED, finite
 from freefloat.studies.folder import FILES, WRITABLE
 from freefloat.studies.portable import PortableStudy
+from freefloat.studies.record_values import record_values
 from freefloat.studies.study import UNDISTURBED, Study, initial_attitude
 from freefloat.studies.study_file import Command
-from freefloat.studies.values import record_values
 from freefloat.studies.variation import error_of_study, scenario_from
 
 

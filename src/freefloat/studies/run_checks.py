@@ -13,10 +13,10 @@ from freefloat.io.scenario.schema import ScenarioFile
 from freefloat.io.scenario.yaml import validated
 from freefloat.robot.parts import inertia_matrix
 from freefloat.so3 import unit_quaternion
-from freefloat.studies.robot_values import INERTIA, SCALE_MASS
 from freefloat.studies.study import Study
 from freefloat.studies.study_file import START_KEYS, STARTS, TRACK, TrackSection
 from freefloat.studies.variation import error_of_study
+from freefloat.studies.varied_robots import INERTIA, SCALE_MASS
 
 _VALIDATED_RUNS = 1000
 _ATTITUDES = ("attitude", "from_attitude", "quaternion")

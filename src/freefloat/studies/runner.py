@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, ExitStack, closing, nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING
 
 from freefloat.concurrency import Progress, available_cores, require_memory
 from freefloat.errors import InputError, finite_number, require_extra, require_type, whole_number
-from freefloat.studies.columns import NUMBER, Columns
+from freefloat.studies.columns import NUMBER, Column, Columns
 from freefloat.studies.database import StudyDatabase, open_results
+from freefloat.studies.disturbances import group_numbers
 from freefloat.studies.folder import DATABASE
 from freefloat.studies.portable import PortableStudy, study_files
 from freefloat.studies.process_pool import completed_in_pool
 from freefloat.studies.results import StudyResult
-from freefloat.studies.run_values import group_numbers
 from freefloat.studies.study import UNDISTURBED, Study
 from freefloat.studies.study_file import START_KEYS, Command
 from freefloat.studies.tables import save_tables
@@ -46,6 +46,7 @@ def run_study(
     until: float | None = None,
     report: bool = True,
     progress: Callable[[float], None] | None = None,
+    stages: Stages | None = None,
 ) -> StudyResult:
     """Execute the runs of a study that are not finished yet.
 
@@ -63,6 +64,7 @@ def run_study(
             the runs before the first one that is missing; for studies of random values alone.
         report: Whether to write ``report.html`` and the figure ``summary``.
         progress: Called with the fraction of finished runs, in [0, 1].
+        stages: In its place, begins each step, which has a name, with a progress of its own.
 
     Returns:
         The results, those of finished runs included.
@@ -76,33 +78,47 @@ def run_study(
         1.0
     """
     require_type("study", study, Study, "load_study(...)")
-    stage = runs_text(study.count)
+    _require_usable(study, workers, scheduler, until)
+    folder, runs = Path(folder), runs_text(study.count)
+    step = stages or (lambda name: nullcontext(progress if progress and name == runs else _ignored))
+    begin, files = time.perf_counter(), study_files(study)
+    with ExitStack() as stack:
+        with step("finished runs") as done:
+            database = stack.enter_context(open_results(folder, study, files, done))
+        try:
+            with step(runs) as done:
+                tally = Tally(study.count, database.rows, until, done)
+                before = tally.done
+                if before < study.count and not study.varies_robot:
+                    _ = study.base_robot  # whose error is one of every run
+                if before < study.count:
+                    _ = study.start(0)  # likewise, and found once
+                sent = PortableStudy(study, () if scheduler is None else files)
+                count = workers or available_cores()
+                execution = _Execution(sent, database, tally, count, scheduler)
+                execution.compute_chunks()
+                execution.execute()
+            execution.write_files(step)
+        except KeyboardInterrupt:
+            save_tables(folder, database.rows)
+            raise
+        with step("tables") as done:
+            tables = save_tables(folder, database.rows, done)
+        result = StudyResult(study, database.rows, folder, tally.done - before)
+        paths = {"database": folder / DATABASE, **tables, **dict.fromkeys(_REPORT_FILES)}
+        result = replace(result, files=paths, seconds=time.perf_counter() - begin)
+        if report:
+            from freefloat.studies.report import save_report  # imports slowly
 
-    def stages(name: str) -> AbstractContextManager[Progress]:
-        return nullcontext(progress if progress is not None and name == stage else _ignored)
-
-    return run_in_stages(study, Path(folder), workers, scheduler, until, report, stages)
-
-
-def runs_text(count: int) -> str:
-    """A number of runs in words."""
-    return f"{count:,} run{'' if count == 1 else 's'}"
+            with step("report") as done:
+                result = replace(result, files=paths | save_report(result, done))
+    return replace(result, seconds=time.perf_counter() - begin)
 
 
-def _ignored(done: float) -> None:
-    """Show no progress."""
-
-
-def run_in_stages(
-    study: Study,
-    folder: Path,
-    workers: int | None,
-    scheduler: str | None,
-    until: float | None,
-    report: bool,
-    stages: Stages,
-) -> StudyResult:
-    """:func:`run_study` with the progress of each of its steps."""
+def _require_usable(
+    study: Study, workers: int | None, scheduler: str | None, until: float | None
+) -> None:
+    """Raise an InputError unless arguments of :func:`run_study` can be used."""
     if workers is not None and scheduler is not None:
         raise InputError("workers", "a scheduler was given too: it has its workers", "one of both")
     if workers is not None:
@@ -116,39 +132,15 @@ def run_in_stages(
         finite_number("until", until, "a fraction above 0, below 1", 1e-6, 1.0)
         if study.variation.listed:
             raise InputError("until", "values of the study are listed", "random values alone")
-    begin = time.perf_counter()
-    files = study_files(study)
-    with ExitStack() as stack:
-        with stages("finished runs") as progress:
-            database = stack.enter_context(open_results(folder, study, files, progress))
-        try:
-            with stages(runs_text(study.count)) as progress:
-                tally = Tally(study.count, database.rows, until, progress)
-                before = tally.done
-                if before < study.count and not study.varies_robot:
-                    _ = study.base_robot  # whose error is one of every run
-                if before < study.count:
-                    _ = study.start(0)  # likewise, and found once
-                sent = PortableStudy(study, () if scheduler is None else files)
-                count = workers or available_cores()
-                execution = _Execution(sent, database, tally, count, scheduler)
-                execution.compute_chunks()
-                execution.execute()
-            execution.write_files(stages)
-        except KeyboardInterrupt:
-            save_tables(folder, database.rows)
-            raise
-        with stages("tables") as progress:
-            tables = save_tables(folder, database.rows, progress)
-        result = StudyResult(study, database.rows, folder, tally.done - before)
-        paths = {"database": folder / DATABASE, **tables, **dict.fromkeys(_REPORT_FILES)}
-        result = replace(result, files=paths, seconds=time.perf_counter() - begin)
-        if report:
-            from freefloat.studies.report import save_report  # imports slowly
 
-            with stages("report") as progress:
-                result = replace(result, files=paths | save_report(result, progress))
-    return replace(result, seconds=time.perf_counter() - begin)
+
+def runs_text(count: int) -> str:
+    """A number of runs in words."""
+    return f"{count:,} run{'' if count == 1 else 's'}"
+
+
+def _ignored(done: float) -> None:
+    """Show no progress."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,38 +165,34 @@ class _Execution:
         )
 
         todo = study_chunks(study, groups, missing)
-        if self.scheduler is None and study.compares_bodies and self.workers > 1:
+        if self.scheduler is not None:
+            from freefloat.studies.scheduler import completed_by_scheduler, computed_by_worker
+
+            tasks = completed_by_scheduler(computed_by_worker, self.sent, todo, self.scheduler)
+        elif study.compares_bodies and self.workers > 1:
             work = partial(computed, threads=1)
-            with closing(completed_in_pool(work, self.sent, [*todo], self.workers)) as tasks:
-                self._store(columns for _, columns in tasks if columns is not None)
-            return
-        if self.scheduler is None:
-            self._store(computed(self.sent, chunk, self.workers) for chunk in todo)
-            return
-        from freefloat.studies.scheduler import completed_by_scheduler, computed_by_worker
-
-        with closing(
-            completed_by_scheduler(computed_by_worker, self.sent, todo, self.scheduler)
-        ) as tasks:
-            self._store(columns for _, columns in tasks if columns is not None)
-
-    def _store(self, rows: Iterable[Columns]) -> None:
-        for columns in rows:
-            results = dict(columns)
-            numbers = results.pop(NUMBER)
-            if len(numbers):
-                self.database.add(numbers, results)
-                if self.tally.add(numbers, results["verdict"]):
+            tasks = completed_in_pool(work, self.sent, [*todo], self.workers)
+        else:
+            tasks = ((chunk, computed(self.sent, chunk, self.workers)) for chunk in todo)
+        with closing(tasks):
+            for _, columns in tasks:
+                results = dict(columns or {NUMBER: ()})
+                if self._store(results.pop(NUMBER), results):
                     return
+
+    def _store(self, numbers: Column, results: Columns) -> bool:
+        """Store rows of runs; return whether these are enough."""
+        if not len(numbers):
+            return False
+        self.database.add(numbers, results)
+        return self.tally.add(numbers, results["verdict"])
 
     def execute(self) -> None:
         """Execute the other missing runs one by one."""
         study = self.sent.study
         missing = [] if self.tally.is_enough else self.tally.missing.tolist()
         for result in self._results(missing, save_files=study.kept_files >= study.count):
-            values = result.values
-            self.database.add([result.number], {name: [value] for name, value in values.items()})
-            if self.tally.add([result.number], [values["verdict"]]):
+            if self._store([result.number], {k: [value] for k, value in result.values.items()}):
                 return
 
     def write_files(self, stages: Stages) -> None:

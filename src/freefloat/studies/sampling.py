@@ -15,7 +15,7 @@ from pydantic import Discriminator, Field, Tag, model_validator
 from freefloat.io.scenario.field_types import NotNegative, Number, Quaternion, Section
 from freefloat.rotations import Rotation
 from freefloat.so3 import Array
-from freefloat.studies.robot_values import INERTIA, are_inertias
+from freefloat.studies.varied_robots import INERTIA, are_inertias
 
 MAX_RUNS = 1_000_000
 """Largest number of runs of a study, and of values of one key."""

@@ -17,9 +17,9 @@ from distributed.comm.core import connect
 
 from freefloat.errors import InputError
 from freefloat.studies.columns import Columns
+from freefloat.studies.disturbances import Chunk
 from freefloat.studies.ensembles import computed
 from freefloat.studies.portable import PortableStudy
-from freefloat.studies.run_values import Chunk
 
 _TIMEOUT = 10.0
 """Time to wait for a scheduler and its first worker [s]."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from freefloat.concurrency import available_cores
 from freefloat.so3 import Array
-from freefloat.studies.run_values import group_numbers
+from freefloat.studies.disturbances import group_numbers
 from freefloat.studies.study import Study
 from freefloat.studies.variation import Values, Variation
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from freefloat.so3 import IntArray
 from freefloat.statistics import confidence_interval
-from freefloat.studies.columns import FEASIBLE, INFEASIBLE, NUMBER, VERDICTS, Column
+from freefloat.studies.columns import NUMBER, VERDICTS, Column
 from freefloat.studies.rows import StudyRows
 
 _MISSING = -1
@@ -54,11 +54,10 @@ class Tally:
             return False
         missing = self.missing
         known = self._verdicts[: missing[0]] if len(missing) else self._verdicts
-        feasible = int((known == VERDICTS.index(FEASIBLE)).sum())
-        total = feasible + int((known == VERDICTS.index(INFEASIBLE)).sum())
-        if not total:
+        feasible, infeasible, _ = np.bincount(known, minlength=len(VERDICTS)).tolist()
+        if not feasible + infeasible:
             return False
-        low, high = confidence_interval(feasible, total)
+        low, high = confidence_interval(feasible, feasible + infeasible)
         return high - low <= self._until
 
     def add(self, numbers: Column, verdicts: Iterable[str]) -> bool:

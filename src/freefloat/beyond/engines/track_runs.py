@@ -26,12 +26,12 @@ from freefloat.studies.columns import (
     Columns,
     finite,
 )
+from freefloat.studies.disturbances import NO_ROWS, Chunk
 from freefloat.studies.portable import PortableStudy
+from freefloat.studies.record_values import motion_values, record_values
 from freefloat.studies.run import computed_record
-from freefloat.studies.run_values import NO_ROWS, Chunk
 from freefloat.studies.study import Study
 from freefloat.studies.study_file import Command
-from freefloat.studies.values import motion_values, record_values
 
 _FEWEST, _CHUNK = 8, 256
 """Smallest and largest number of runs that are simulated together."""

@@ -13,9 +13,9 @@ from freefloat.motion.pointing import Keep, PointingLimit
 from freefloat.motion.problem import Problem
 from freefloat.so3 import Array, BoolArray, IntArray
 from freefloat.studies.columns import NUMBER, Column, Columns, as_numbers
-from freefloat.studies.robot_values import MASS_FACTORS, SCALE_MASS, is_robot_key, uniform_factors
 from freefloat.studies.study import Study
 from freefloat.studies.study_file import START_KEYS, Command
+from freefloat.studies.varied_robots import MASS_FACTORS, SCALE_MASS, is_robot_key, uniform_factors
 
 NO_ROWS: Columns = {NUMBER: ()}
 """Results of no run."""
