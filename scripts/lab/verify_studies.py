@@ -34,7 +34,7 @@ from freefloat.robot.bundled import find_scenario
 from freefloat.so3 import IntArray
 from freefloat.studies.columns import NUMBER, Columns
 from freefloat.studies.disturbances import Chunk
-from freefloat.studies.ensembles import integrated
+from freefloat.studies.ensembles import computed
 from freefloat.studies.portable import PortableStudy
 from freefloat.studies.run import execute
 from freefloat.studies.study import Study
@@ -143,7 +143,7 @@ def compare(name: str, options: argparse.Namespace, pool: ProcessPoolExecutor) -
     with tempfile.TemporaryDirectory() as place:
         study = write_study(name, options.draws, options.seed, Path(place))
         sent = PortableStudy(study)
-        columns = integrated(sent, Chunk(0, np.arange(options.draws)))
+        columns = computed(sent, Chunk(0, np.arange(options.draws)))
         places = selection(columns, options.runs)
         chosen = {name: np.asarray(column)[places].tolist() for name, column in columns.items()}
         numbers = chosen.pop(NUMBER)

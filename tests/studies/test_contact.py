@@ -11,7 +11,7 @@ import yaml
 import freefloat as ff
 from freefloat.robot.bundled import find_scenario
 from freefloat.studies.estimate import why_run_by_run
-from freefloat.studies.grouping import group_of
+from freefloat.studies.groups import group_of
 from freefloat.studies.study import Study
 from tests.commands import document, run
 from tests.example_studies import a_study

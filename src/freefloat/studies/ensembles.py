@@ -30,9 +30,8 @@ from freefloat.studies.columns import (
     Column,
     Columns,
 )
-from freefloat.studies.disturbances import NO_ROWS, Chunk
-from freefloat.studies.grouping import group_of
-from freefloat.studies.groups import Group
+from freefloat.studies.disturbances import NO_ROWS, Chunk, group_numbers
+from freefloat.studies.groups import Group, group_of
 from freefloat.studies.portable import PortableStudy
 from freefloat.studies.study import Study
 
@@ -42,19 +41,25 @@ _SLOW_CHUNK = 64
 """Runs of a chunk where bodies are compared, which takes far longer than all else."""
 
 
-def study_chunks(study: Study, groups: IntArray, missing: IntArray) -> Iterator[Chunk]:
+def chunks(study: Study, missing: IntArray, size: int | None = None) -> Iterator[Chunk]:
     """Yield the missing runs that are computed side by side, some at a time.
 
     Args:
         study: The study.
-        groups: Number of the group of each run, see :func:`.disturbances.group_numbers`.
         missing: Numbers of runs, ascending.
+        size: Largest number of runs in a chunk of an ensemble; by default by what takes long.
     """
     if command := STUDY_COMMANDS.get(study.content.command):
-        found: Iterator[Chunk] = named(command.chunks)(study, missing)
-        return found
-    size = _SLOW_CHUNK if study.compares_bodies else CHUNK
-    return chunks(groups, missing, size)
+        yield from named(command.chunks)(study, missing)
+        return
+    size = size or (_SLOW_CHUNK if study.compares_bodies else CHUNK)
+    groups = group_numbers(study)
+    _, first_runs = np.unique(groups, return_index=True)
+    first_of = dict(zip(groups[first_runs].tolist(), first_runs.tolist(), strict=True))
+    missing = missing[groups[missing] >= 0]
+    for some in np.split(missing, np.flatnonzero(np.diff(missing // size)) + 1):
+        for number in np.unique(groups[some]).tolist():
+            yield Chunk(first_of[number], some[groups[some] == number])
 
 
 def computed(study: PortableStudy, chunk: Chunk, threads: int | None = None) -> Columns:
@@ -68,33 +73,6 @@ def computed(study: PortableStudy, chunk: Chunk, threads: int | None = None) -> 
     if command := STUDY_COMMANDS.get(study.study.content.command):
         columns: Columns = named(command.computed)(study, chunk, threads)
         return columns
-    return integrated(study, chunk, threads)
-
-
-def chunks(groups: IntArray, missing: IntArray, size: int = CHUNK) -> Iterator[Chunk]:
-    """Yield the missing runs of groups, some at a time.
-
-    Args:
-        groups: Number of the group of each run, see :func:`.disturbances.group_numbers`.
-        missing: Numbers of runs, ascending.
-        size: Largest number of runs in a chunk.
-    """
-    _, first_runs = np.unique(groups, return_index=True)
-    first_of = dict(zip(groups[first_runs].tolist(), first_runs.tolist(), strict=True))
-    missing = missing[groups[missing] >= 0]
-    for some in np.split(missing, np.flatnonzero(np.diff(missing // size)) + 1):
-        for number in np.unique(groups[some]).tolist():
-            yield Chunk(first_of[number], some[groups[some] == number])
-
-
-def integrated(study: PortableStudy, chunk: Chunk, threads: int | None = None) -> Columns:
-    """Integrate the runs of a chunk; return the rows of those that are decided.
-
-    Args:
-        study: The study.
-        chunk: The runs.
-        threads: Number of threads; default is one per core.
-    """
     group = group_of(study.here, chunk.first)
     if group is None:
         return NO_ROWS

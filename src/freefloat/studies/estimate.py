@@ -108,7 +108,7 @@ def why_run_by_run(study: Study) -> str | None:
     if not reasons and not len(together):
         reasons = [f"fewer than {FEWEST} runs differ in nothing but values that ensembles vary"]
     if study.content.command is Command.SIMULATE and study.count >= FEWEST:
-        from freefloat.studies.grouping import grouped  # compiled kernels
+        from freefloat.studies.groups import grouped  # compiled kernels
 
         reasons += grouped(study, int(together[0]) if len(together) else 0)[1]
     return "; ".join(reasons) or None
@@ -142,14 +142,14 @@ def estimate_study(
     files = study.kept_files if study.kept_files < study.count else 0
     files = max(0, files - named) + (bool(study.kept_files) and has_undisturbed_file(study))
     parallel, sent = min(count or 1, available_cores()), PortableStudy(study)
-    chunks, apart, fraction = _time_chunks(sent, missing, parallel)
+    together, apart, fraction = _time_chunks(sent, missing, parallel)
     try:
         alone = _time_runs(sent, apart, study.kept_files >= study.count)
         written = _time_runs(sent, missing[:files], True)
     except _NoneTimed as error:
         return replace(estimate, basis=str(error))
-    start = chunks.start + alone.start + written.start
-    seconds = (chunks.each * (1.0 - fraction) + alone.each * fraction) * len(missing)
+    start = together.start + alone.start + written.start
+    seconds = (together.each * (1.0 - fraction) + alone.each * fraction) * len(missing)
     return replace(
         estimate,
         run_seconds=seconds / len(missing),
@@ -157,7 +157,7 @@ def estimate_study(
         file_seconds=written.each,
         start_seconds=start,
         seconds=start + (seconds + written.each * files) / parallel,
-        basis=" and ".join(part.basis for part in (chunks, alone) if part.basis),
+        basis=" and ".join(part.basis for part in (together, alone) if part.basis),
     )
 
 
@@ -198,17 +198,17 @@ def _time_chunks(
     alone = missing[(groups[missing] < 0) & (not track)]
     if len(alone) == len(missing):
         return _Timed(), missing, 1.0
-    from freefloat.studies.ensembles import computed, study_chunks  # compiled kernels
+    from freefloat.studies.ensembles import chunks, computed  # compiled kernels
 
-    todo = study_chunks(study, groups, missing)
+    todo = chunks(study, missing)
     if (first := next(todo, None)) is None:
         return _Timed(), missing, 1.0
-    chunks = [
+    tasks = [
         replace(chunk, numbers=chunk.numbers[:_TRACKED]) if track else chunk
         for chunk in (first, next(todo, first))
     ]
-    rows, timed = _timed(lambda chunk: computed(sent, chunk, threads), chunks)
-    numbers, tried = np.asarray(rows[-1][NUMBER], dtype=int), chunks[-1].numbers
+    rows, timed = _timed(lambda chunk: computed(sent, chunk, threads), tasks)
+    numbers, tried = np.asarray(rows[-1][NUMBER], dtype=int), tasks[-1].numbers
     undecided = (1.0 - len(numbers) / len(tried)) * (1.0 - len(alone) / len(missing))
     basis = f"{len(numbers)} runs {'side by side' if track else 'of an ensemble'}"
     timed = replace(

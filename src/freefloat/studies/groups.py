@@ -1,27 +1,30 @@
-"""Groups of runs that one ensemble integrates: those that differ in disturbances alone."""
+"""Groups of runs that one ensemble integrates, as they differ in disturbances alone."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
 from freefloat.ensemble.disturbed_motions import integrate_disturbed
 from freefloat.ensemble.equivalence import ScaledMotions, equivalents
-from freefloat.ensemble.known_limits import KNOWN, KnownLimits, LimitValues
+from freefloat.ensemble.known_limits import KnownLimits, LimitValues
 from freefloat.ensemble.many_motions import ManyMotions
+from freefloat.errors import FreeFloatError
+from freefloat.io.scenario.path_schema import FrameName
 from freefloat.io.scenario.scenario import Scenario
-from freefloat.limits.limits import GIVEN
-from freefloat.limits.recorded_limits import RECORDED, RecordedLimits
-from freefloat.motion.pointing import AttitudeLimits
+from freefloat.limits.recorded_limits import RecordedLimits
 from freefloat.motion.problem import Problem
-from freefloat.so3 import Array, BoolArray, IntArray
-from freefloat.studies.disturbances import FRACTION, arrays_of, bound_ratios, limit_scales
-from freefloat.studies.study import Study
-from freefloat.studies.varied_robots import (
-    VariedRobot,
-)
+from freefloat.robot.model import FreeFloatingModel
+from freefloat.so3 import UPRIGHT, Array, BoolArray, IntArray
+from freefloat.studies import disturbances
+from freefloat.studies.study import Study, initial_attitude
+from freefloat.studies.study_file import START_KEYS
+from freefloat.studies.variation import with_values
+from freefloat.studies.varied_robots import SCALE_MASS, VariedRobot, nominal_values, vary_robots
 
 _RECORDED_TOGETHER = 512
 """Motions that are recorded at once."""
@@ -68,19 +71,19 @@ class Group:
         first = int(numbers[0])
         count = int(numbers[-1]) + 1 - first
         values = self.study.variation.values(first, count)
-        arrays, fits = arrays_of(values, self.problem, count)
+        arrays, fits = disturbances.arrays_of(values, self.problem, count)
         attitudes = arrays.pop("attitudes", None)
         thresholds = arrays.pop("thresholds", None)
-        ratios, accepted = bound_ratios(values, self.nominal, count)
+        ratios, accepted = disturbances.bound_ratios(values, self.nominal, count)
         fits &= accepted
-        fractions = 1.0 / ratios.pop(FRACTION, np.ones(count))
+        fractions = 1.0 / ratios.pop(disturbances.FRACTION, np.ones(count))
         robots, accepted = self.robot.robots(values, np.arange(first, first + count))
         fits &= accepted
         if robots is not None:
             fits &= robots.suit(self.problem)
         limits = dict(zip(self.limit_names, self.limit_places, strict=True))
         limits.pop("clearance", None)  # whose bound chooses the pairs of bodies
-        scales = limit_scales(ratios, limits, self.limits.attitude.pointing)
+        scales = disturbances.limit_scales(ratios, limits, self.limits.attitude.pointing)
         disturbed = equivalents(self.problem, count, **arrays, robots=robots, scales=scales)
         places = numbers - first
         places = places[(fits & ~disturbed.turns_too_often)[places]]
@@ -161,29 +164,105 @@ class Group:
         return np.asarray(motions.reached & ~motions.failed & (certain | ~motions.feasible))
 
 
-def limits_of_runs(
-    scenario: Scenario, *, mounts: bool = False, moved: bool = False
-) -> tuple[KnownLimits, RecordedLimits, tuple[str, ...]]:
-    """The limits that ensembles know, those that recorded motions show, and names of the others.
+def group_of(study: Study, number: int) -> Group | None:
+    """The group whose first run has a number; None where its runs are executed one by one."""
+    return grouped(study, number)[0]
 
-    Args:
-        scenario: The scenario.
-        mounts: Whether mounts vary, so that axes and bodies of the arm's first link do.
-        moved: Whether durations or robots vary, so that the bodies of a scene are elsewhere.
-    """
-    limits, problem = scenario.limits(), scenario.problem()
-    bounds = {kind.name: getattr(limits, kind.name) for kind in GIVEN}
-    given = {
-        name: bound for name, bound in bounds.items()
-        if bound is not None and np.size(bound) > 0 and not isinstance(bound, str)
-    }  # fmt: skip
-    shown = {} if mounts or (moved and problem.scene.bodies) else given
-    recorded = RecordedLimits(problem, *(shown.get(name) for name in RECORDED))
-    _ = recorded.places  # or the error of shapes that cannot be used
-    attitude = AttitudeLimits(
-        pointing=() if mounts else limits.pointing, base_turn=limits.base_turn
+
+@lru_cache(maxsize=4)
+def grouped(study: Study, number: int) -> tuple[Group | None, list[str]]:
+    """The group whose first run has a number, if any; why its runs are executed one by one."""
+    reasons: list[str] = []
+    try:
+        return _group(study, number, reasons), reasons
+    except FreeFloatError:  # which is the result of each run
+        return None, reasons
+
+
+def _group(study: Study, number: int, reasons: list[str]) -> Group | None:
+    """The group whose first run has a number, if any; adds to the reasons why runs are apart."""
+    parameters = study.parameters(number)
+    listed = study.variation.listed
+    fits = {key for key in parameters if disturbances.fits_ensembles(key, listed)}
+    own = {k: v for k, v in parameters.items() if disturbances.is_bound(k) or k not in fits}
+    nominal = {key: value for key, value in own.items() if key in fits}
+    own |= nominal_values(parameters, study.base)
+    document = with_values(study.base, own)
+    scenario = study.scenario_of(document)
+    problem = scenario.problem()
+    if not problem.model.has_one_arm:
+        reasons.append("several arms move")
+        return None
+    apart = list(_unfit_values(study, scenario, problem, parameters))
+    moved = vary_robots(study.content.vary, listed) or "timing.duration" in parameters
+    limits, recorded, others = disturbances.limits_of_runs(
+        scenario, mounts=_mounts_vary(parameters), moved=moved
     )
-    known = KnownLimits(problem.model, limits.joint_rate, limits.base_rate, attitude)
-    seen = {*KNOWN, *recorded.names} - ({"pointing"} if mounts else set())
-    corridor = () if problem.scene.corridor is None else ("corridor",)
-    return known, recorded, (*sorted(given.keys() - seen), *corridor)
+    if others:
+        shown = f"limits that only precise motions show ({', '.join(others)})"
+        reasons.append(f"{shown} are checked along these where all else is kept")
+    reasons[:0] = apart
+    if apart:
+        return None
+    start, attitude, joints = study.arm_start, None, None
+    if start.joints is not None and study.start_problem.model.arm_dof != problem.model.arm_dof:
+        reasons.append("the unvaried robot has another number of joints")
+        return None
+    if not any(key in parameters for key in START_KEYS):
+        attitude = initial_attitude(problem, study.initial_attitude(number))
+        if not problem.branches(attitude):
+            reasons.append("the arm does not reach the start of the path")
+            return None
+        if start.joints is not None:
+            (joints,) = study.joints_near(attitude[None])
+    return Group(
+        study, problem, scenario.content.margin.fraction is not None, attitude,
+        start.branch if isinstance(start.branch, int) else None, joints, limits, recorded, others,
+        nominal, _varied_robot(study, document, scenario),
+    )  # fmt: skip
+
+
+def _unfit_values(
+    study: Study, scenario: Scenario, problem: Problem, parameters: Mapping[str, Any]
+) -> Iterator[str]:
+    """Yield why the varied values of a scenario cannot differ in an ensemble."""
+    content, relative = scenario.content, scenario.content.margin.fraction is not None
+    timed = content.timing.stops or content.timing.speeds or problem.path.frame
+    if "timing.duration" in parameters and timed:
+        yield "timing.duration varies with stops, given speeds or a path on a moving body"
+    if "margin.value" in parameters and relative:
+        yield "margin.value varies beside margin.fraction"
+    if relative and vary_robots(study.content.vary, study.variation.listed):
+        yield "the robot varies, and with fraction_of: run the margin with it"
+    frame = content.path.frame
+    turned = _moves_with_robot(scenario) and frame is not FrameName.SPACECRAFT
+    if turned and _mounts_vary(parameters):
+        yield f"the mount varies, and with it the {frame} frame of the path"
+    if "heading_deg" in parameters and not problem.has_headings:
+        yield "heading_deg varies, but the spacecraft does not turn in a plane"
+
+
+def _mounts_vary(parameters: Mapping[str, Any]) -> bool:
+    return any(key.startswith("robot.spacecraft.mount.") for key in parameters)
+
+
+def _varied_robot(study: Study, document: dict[str, Any], scenario: Scenario) -> VariedRobot:
+    """The robot of a group, and how that of a run is built, without a factor on all links."""
+
+    def model_of(number: int) -> FreeFloatingModel:
+        values = study.parameters(number).items()
+        own = {key: value for key, value in values if key.split(".")[0] == "robot"}
+        if not isinstance(own.get(SCALE_MASS, {}), dict):
+            own[SCALE_MASS] = 1.0
+        return study.scenario_of(with_values(document, own)).model()
+
+    model, search, present = scenario.model(), scenario.search(), None
+    if _moves_with_robot(scenario) and search.joints is not None:  # without, there is no path
+        attitude = UPRIGHT if search.from_attitude is None else search.from_attitude
+        present = attitude, model.joint_vector(search.joints)
+    return VariedRobot(model, scenario.content.robot, model_of, present)
+
+
+def _moves_with_robot(scenario: Scenario) -> bool:
+    """Whether the path is stated in the frame of the spacecraft, of the base, or of a link."""
+    return scenario.content.path.frame not in (FrameName.INERTIAL, *scenario.scene().names)

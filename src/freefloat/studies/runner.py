@@ -156,15 +156,11 @@ class _Execution:
     def compute_chunks(self) -> None:
         """Compute the missing runs that differ in little, side by side."""
         study, missing = self.sent.study, self.tally.missing
-        groups = group_numbers(study)
-        if study.content.command is not Command.TRACK and not (groups[missing] >= 0).any():
+        if study.content.command is not Command.TRACK and (group_numbers(study)[missing] < 0).all():
             return
-        from freefloat.studies.ensembles import (  # compiled kernels import slowly
-            computed,
-            study_chunks,
-        )
+        from freefloat.studies.ensembles import chunks, computed  # compiled kernels import slowly
 
-        todo = study_chunks(study, groups, missing)
+        todo = chunks(study, missing)
         if self.scheduler is not None:
             from freefloat.studies.scheduler import completed_by_scheduler, computed_by_worker
 

@@ -102,7 +102,7 @@ def sensitivities(study: Study) -> list[Sensitivity]:
     """
     if study.variation.listed or group_numbers(study)[0] < 0:
         return []
-    from freefloat.studies.grouping import group_of  # compiled kernels
+    from freefloat.studies.groups import group_of  # compiled kernels
 
     mixed = _MixedStudy(study.source, study.content, study.base_source, study.base)
     group, keys = group_of(mixed, 0), list(study.content.vary)
