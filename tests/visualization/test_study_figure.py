@@ -53,3 +53,14 @@ def test_runs_of_which_none_has_a_margin_have_a_figure() -> None:
     figure = study_figure(table, {"timing.duration": "T [s]"})
     assert not figure.axes[0].patches
     assert len(figure.axes[2].lines[0].get_ydata()) == 3
+
+
+def test_what_limits_the_runs_is_drawn_where_it_is_not_the_margin() -> None:
+    limiting = ["pointing of tool", "pointing of tool", "margin"]
+    table = TABLE | {"limiting": np.array(limiting, dtype=object)}
+    bars = study_figure(table, {"timing.duration": "T [s]"}).axes[0]
+    assert bars.get_xlabel() == "runs by limiting quantity"
+    assert [text.get_text() for text in bars.get_yticklabels()] == ["margin", "pointing\nof tool"]
+    assert sum(bar.get_width() for bar in bars.patches) == 3.0
+    table["limiting"] = np.array(["margin", "singularity", "pointing of tool"], dtype=object)
+    assert "det A" in study_figure(table, {"timing.duration": "T [s]"}).axes[0].get_xlabel()

@@ -51,7 +51,7 @@ def save_report(result: StudyResult, progress: Progress = lambda done: None) -> 
 
     rows = result.rows
     parameters = {name: heading(name) for name in rows.parameters}
-    drawn = (*parameters, "verdict", "margin", "margin_required", "measure")
+    drawn = (*parameters, "verdict", "margin", "margin_required", "measure", "limiting")
     unit = _margin_unit(result)
     drawing = study_figure(rows.columns(drawn), parameters, unit)
     progress(0.3)

@@ -4,26 +4,30 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import AbstractContextManager, ExitStack, closing, nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from freefloat.concurrency import Progress, available_cores, require_memory
 from freefloat.errors import InputError, finite_number, require_extra, require_type, whole_number
-from freefloat.studies.columns import NUMBER, Column, Columns
+from freefloat.so3 import IntArray
+from freefloat.statistics import confidence_interval
+from freefloat.studies.columns import NUMBER, VERDICTS, Column, Columns
 from freefloat.studies.database import StudyDatabase, open_results
 from freefloat.studies.disturbances import group_numbers
 from freefloat.studies.folder import DATABASE
 from freefloat.studies.portable import PortableStudy, study_files
 from freefloat.studies.process_pool import completed_in_pool
 from freefloat.studies.results import StudyResult
+from freefloat.studies.rows import StudyRows
 from freefloat.studies.study import UNDISTURBED, Study
 from freefloat.studies.study_file import START_KEYS, Command
 from freefloat.studies.tables import save_tables
-from freefloat.studies.tally import Tally
 
 if TYPE_CHECKING:
     from freefloat.studies.run import RunResult
@@ -33,6 +37,8 @@ _WORKER_SIZE = 200_000_000
 _REPORT_FILES = ("figure", "picture", "report")
 """Kinds of files that are written with a report."""
 _KILLED = "its worker was killed, also when the run was repeated"
+_MISSING = -1
+"""In place of a verdict."""
 Stages = Callable[[str], AbstractContextManager[Progress]]
 """Begins a step of a study that has a name; what it yields is called with the fraction done."""
 
@@ -87,7 +93,7 @@ def run_study(
             database = stack.enter_context(open_results(folder, study, files, done))
         try:
             with step(runs) as done:
-                tally = Tally(study.count, database.rows, until, done)
+                tally = _Tally(study.count, database.rows, until, done)
                 before = tally.done
                 if before < study.count and not study.varies_robot:
                     _ = study.base_robot  # whose error is one of every run
@@ -143,13 +149,70 @@ def _ignored(done: float) -> None:
     """Show no progress."""
 
 
+class _Tally:
+    """Verdicts of the runs of a study so far, and whether these are enough."""
+
+    def __init__(
+        self,
+        count: int,
+        rows: StudyRows,
+        until: float | None,
+        progress: Callable[[float], None] | None,
+    ) -> None:
+        """Count the finished runs.
+
+        Args:
+            count: Number of runs.
+            rows: The finished ones.
+            until: Width of the confidence interval of the feasible fraction that is enough.
+            progress: Called with the fraction of finished runs, in [0, 1].
+        """
+        self._verdicts = np.full(count, _MISSING, dtype=np.int8)
+        self._until = until
+        self._progress = progress
+        self._note(rows.column(NUMBER), rows.column("verdict"))
+
+    @property
+    def done(self) -> int:
+        """Number of finished runs."""
+        return int((self._verdicts != _MISSING).sum())
+
+    @property
+    def missing(self) -> IntArray:
+        """Numbers of the other runs."""
+        return np.flatnonzero(self._verdicts == _MISSING)
+
+    @property
+    def is_enough(self) -> bool:
+        """Whether the interval, of the runs before the first missing one, is narrow enough."""
+        if self._until is None:
+            return False
+        missing = self.missing
+        known = self._verdicts[: missing[0]] if len(missing) else self._verdicts
+        feasible, infeasible, _ = np.bincount(known, minlength=len(VERDICTS)).tolist()
+        if not feasible + infeasible:
+            return False
+        low, high = confidence_interval(feasible, feasible + infeasible)
+        return high - low <= self._until
+
+    def add(self, numbers: Column, verdicts: Iterable[str]) -> bool:
+        """Count finished runs; return whether these are enough."""
+        self._note(numbers, verdicts)
+        if self._progress is not None:
+            self._progress(self.done / len(self._verdicts))
+        return self.is_enough
+
+    def _note(self, numbers: Column, verdicts: Iterable[str]) -> None:
+        self._verdicts[np.asarray(numbers, dtype=int)] = [VERDICTS.index(v) for v in verdicts]
+
+
 @dataclass(frozen=True, eq=False)
 class _Execution:
     """The steps of a study."""
 
     sent: PortableStudy
     database: StudyDatabase
-    tally: Tally
+    tally: _Tally
     workers: int
     scheduler: str | None
 

@@ -96,11 +96,17 @@ class Study:
         return str(start or "the one that simulate chooses for the unvaried scenario")
 
     @cached_property
+    def _clearances(self) -> list[Any]:
+        """What runs state of clearance; None for nothing."""
+        if CLEARANCE in self.content.vary:
+            return self.variation.listed.get(CLEARANCE, [0.0])
+        varied = self.variation.listed.get("limits", [self.base.get("limits")])
+        return [limits.get("clearance") if isinstance(limits, dict) else None for limits in varied]
+
+    @cached_property
     def contact_unchecked(self) -> str | None:
         """Why runs do not consider contact, where it is to be said, and what makes them."""
-        varied = self.variation.listed.get("limits", [self.base.get("limits")])
-        stated = CLEARANCE in self.content.vary or all(map(_states_clearance, varied))
-        if stated or self.content.command is not Command.SIMULATE:
+        if None not in self._clearances or self.content.command is not Command.SIMULATE:
             return None
         try:
             scenario = self.scenario(UNDISTURBED)
@@ -112,10 +118,7 @@ class Study:
     @property
     def compares_bodies(self) -> bool:
         """Whether simulations may have a clearance, which takes far longer than other limits."""
-        varied = [*self.variation.listed.get("limits", [self.base.get("limits")])]
-        varied += [{"clearance": value} for value in self.variation.listed.get(CLEARANCE, [])]
-        stated = (limits["clearance"] for limits in varied if _states_clearance(limits))
-        return any(clearance is not False and clearance != OFF for clearance in stated)
+        return any(clearance not in (None, False, OFF) for clearance in self._clearances)
 
     @cached_property
     def base_robot(self) -> FreeFloatingModel:
@@ -144,20 +147,20 @@ class Study:
         if self.varies_robot:
             document = document | self._margin_value(document)
         limits = document.get("limits") or {}
-        simulated = self.content.command is Command.SIMULATE
-        if not simulated or not isinstance(limits, dict) or _states_clearance(limits):
+        if self.content.command is not Command.SIMULATE or not isinstance(limits, dict):
+            return document
+        if limits.get("clearance") is not None:
             return document
         return document | {"limits": limits | {"clearance": OFF}}
 
     def _margin_value(self, document: dict[str, Any]) -> dict[str, Any]:
         """The margin in place of a fraction of the measure of the base scenario's robot, if any."""
         margin, task = document.get("margin"), document.get("task")
-        if task is None or not isinstance(margin, dict) or margin.get("fraction") is None:
+        if task is None or not isinstance(margin, dict) or margin.get("fraction_of") == "run":
             return {}
-        question = {"task": task, "margin": margin}
-        content = validated(_MarginFile, question, self.base_source)
+        content = validated(_MarginFile, {"task": task, "margin": margin}, self.base_source)
         measure, fraction = content.margin.measure, content.margin.fraction
-        if fraction is None or content.margin.fraction_of == "run":
+        if fraction is None:
             return {}
         try:
             largest = _largest(self.base_robot, content.task, measure)
@@ -283,10 +286,6 @@ class _MarginFile(Section):
 @lru_cache(maxsize=8)
 def _largest(robot: FreeFloatingModel, task: Task, measure: str) -> float:
     return largest_magnitude(robot, task, singularity_measure(robot, task, measure))
-
-
-def _states_clearance(limits: Any) -> bool:
-    return isinstance(limits, dict) and limits.get("clearance") is not None
 
 
 def initial_attitude(problem: Problem, start: Mapping[str, Any]) -> Array:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -19,13 +20,11 @@ from freefloat.studies.columns import as_numbers
 SCALE_MASS = "robot.scale_mass"
 MASS_FACTORS = 1e-2, 1e2
 """Factors beyond which a robot is built and checked."""
-_FIELDS = {
-    "robot.spacecraft": ("mass", "inertia", "com", "mount.xyz", "mount.rpy"),
-    "robot.payload": ("mass", "inertia", "com"),
-}
-"""Keys of parts whose values may differ between the robots of an ensemble."""
-_VECTORS = ("com", "mount.xyz", "mount.rpy")
-"""Fields whose entries may vary, as com.2."""
+_FIELD = re.compile(
+    r"(robot\.(?:spacecraft|payload))\.(mass|inertia|com|mount\.xyz|mount\.rpy)"
+    r"(?:(?<!mass)(?<!inertia)\.([012]))?"
+)
+"""Keys of parts that may differ between the robots of an ensemble; of vectors entries, too."""
 INERTIA = "inertia"
 """Last word of the keys of inertias."""
 _LARGEST = 1e9
@@ -47,14 +46,10 @@ def vary_robots(keys: Iterable[str], listed: Mapping[str, Sequence[Any]]) -> boo
 
 def _field_of(key: str) -> tuple[str, str, int | None] | None:
     """Part, field and index of the entry, None for all, that a key names."""
-    whole, _, entry = key.rpartition(".")
-    for part, fields in _FIELDS.items():
-        for field in fields:
-            if key == f"{part}.{field}":
-                return part, field, None
-            if whole == f"{part}.{field}" and entry in ("0", "1", "2") and field in _VECTORS:
-                return part, field, int(entry)
-    return None
+    if (found := _FIELD.fullmatch(key)) is None:
+        return None
+    part, field, entry = found.groups()
+    return part, field, None if entry is None else int(entry)
 
 
 def uniform_factors(column: Column) -> Column:

@@ -36,6 +36,8 @@ _MAX_POINTS = 1000
 """Runs above which their density is drawn."""
 _BINS = 40
 """Bars of the histogram."""
+_MAX_QUANTITIES = 8
+"""Limiting quantities that have a bar."""
 _PARTS = 20
 """Parts into which runs are divided, by the value of a parameter, to see its effect."""
 _CELLS = 60, 40
@@ -56,13 +58,15 @@ def study_figure(
 ) -> Figure:
     """The figure of margins, over parameters too; runs without a margin are drawn there at zero.
 
-    The first panels are the histogram of the margins and the running estimate of the feasible
+    The first panels are the histogram of the margins, where limits decide most runs the numbers of
+    runs by limiting quantity in its place, and the running estimate of the feasible
     fraction, by number of runs without error, with its 95 % confidence interval. Of more than
     twelve parameters those with the largest effect are drawn. Above 1,000 runs their panels show
     how many runs there are.
 
     Args:
-        table: Columns of the runs: verdict, margin, margin_required, measure and the parameters.
+        table: Columns of the runs: verdict, margin, margin_required, measure, the parameters, and
+            limiting if it is known.
         parameters: Labels of the horizontal axes by column.
         unit: Unit of the margins.
     """
@@ -84,11 +88,16 @@ def study_figure(
     measure = next(filter(None, table["measure"]), None)
     quantity = "minimum margin" if measure is None else f"minimum |{measure_title(measure)}|"
     label = f"margin {amount(required[0], unit)}" if len(required) == 1 else ""
-    _draw_histogram(histogram, table["margin"], verdicts)
-    histogram.set_xlabel(axis_label(quantity, unit))
+    limiting = _others_limit(table.get("limiting"))
+    if limiting is not None:
+        _draw_limiting(histogram, limiting, verdicts)
+    else:
+        _draw_histogram(histogram, table["margin"], verdicts)
+        histogram.set_xlabel(axis_label(quantity, unit))
     lowest, highest = margins.min(initial=np.inf), margins.max(initial=1e-9)
-    if label:
+    if label and limiting is None:
         histogram.axvline(*required, color=GREY, linestyle="--", linewidth=0.8)
+    if label:
         lowest = min(lowest, required[0])
     lowest = min(lowest, highest)
     densities = []
@@ -143,6 +152,34 @@ def _draw_histogram(axes: Any, margins: Array, verdicts: Column) -> None:
         [*parts.values()], _BINS, stacked=True, color=[_MARKS[verdict][1] for verdict in parts],
         label=[f"{verdict} ({len(part):,})" for verdict, part in parts.items()],
     )  # fmt: skip
+
+
+def _others_limit(limiting: Column | None) -> Column | None:
+    """The limiting quantities where most of them are others than the margin; else None."""
+    known = [] if limiting is None else [name for name in limiting if name]
+    others = sum(name not in ("margin", "singularity") for name in known)
+    return limiting if 2 * others > len(known) else None
+
+
+def _draw_limiting(axes: Any, limiting: Column, verdicts: Column) -> None:
+    """Draw how many runs each quantity limits, by verdict, the most frequent at the top."""
+    names, counts = np.unique([name for name in limiting if name], return_counts=True)
+    shown = names[np.argsort(counts, kind="stable")][-_MAX_QUANTITIES:]
+    left = np.zeros(len(shown))
+    for verdict, (_, colour) in _MARKS.items():
+        runs = np.array([np.sum((limiting == name) & (verdicts == verdict)) for name in shown])
+        if runs.any():
+            label = f"{verdict} ({int((verdicts == verdict).sum()):,})"
+            axes.barh(
+                [name.replace(" of ", "\nof ") for name in shown],
+                runs,
+                left=left,
+                color=colour,
+                label=label,
+            )
+        left = left + runs
+    axes.set_xlabel("runs by limiting quantity")
+    axes.tick_params(axis="y", labelsize=6.5)
 
 
 def _panel(axes: Any, values: Column, margins: Array, verdicts: Column) -> list[Any]:
