@@ -16,9 +16,10 @@ from freefloat.limits.recorded_limits import RECORDED, RecordedLimits
 from freefloat.motion.pointing import AttitudeLimits, Keep, PointingLimit
 from freefloat.motion.problem import Problem
 from freefloat.so3 import Array, BoolArray, IntArray
-from freefloat.studies.columns import NUMBER, Column, Columns, as_numbers
+from freefloat.studies.columns import NUMBER, Columns, as_numbers
 from freefloat.studies.study import Study
 from freefloat.studies.study_file import START_KEYS, Command
+from freefloat.studies.variation import Values
 from freefloat.studies.varied_robots import MASS_FACTORS, SCALE_MASS, is_robot_key, uniform_factors
 
 NO_ROWS: Columns = {NUMBER: ()}
@@ -32,15 +33,6 @@ VECTORS = {"momentum": "momenta", "wheels.momentum": "wheels", "drift": "drifts"
 """Scenario keys of vectors, and what they are in ensembles; entries vary, too, as momentum.2."""
 NUMBERS = {"timing.duration": "durations", "margin.value": "thresholds"}
 """Scenario keys of numbers, and what they are in ensembles."""
-_HARMLESS = {
-    "momenta": np.zeros(3),
-    "wheels": np.zeros(3),
-    "drifts": np.zeros(3),
-    "durations": np.ones(()),
-    "scale_mass": np.ones(()),
-    "thresholds": np.ones(()),
-    "attitudes": np.array([0.0, 0.0, 0.0, 1.0]),
-}
 FEWEST = 16
 """Fewer runs are not worth an ensemble."""
 _LARGEST, _SHORTEST = 1e9, 1e-6
@@ -113,9 +105,15 @@ def group_numbers(study: Study) -> IntArray:
     return np.asarray(np.where(sizes[groups] >= FEWEST, groups, alone))
 
 
-def arrays_of(
-    values: Mapping[str, Array | Sequence[Any]], problem: Problem, count: int
-) -> tuple[dict[str, Array], BoolArray]:
+def selected(values: Values, places: IntArray) -> Values:
+    """Of values by key those of some runs."""
+    return {
+        key: column[places] if isinstance(column, np.ndarray) else [column[k] for k in places]
+        for key, column in values.items()
+    }
+
+
+def arrays_of(values: Values, problem: Problem, count: int) -> tuple[dict[str, Array], BoolArray]:
     """The values of ``count`` runs, and which runs' values an ensemble can represent.
 
     Args:
@@ -126,7 +124,7 @@ def arrays_of(
     Returns:
         Arrays by argument of :func:`~freefloat.ensemble.simulate_many.simulate_many`, shape
         (K,) or (K, 3), and ``attitudes`` (K, 4) where the start varies; and whether a run fits,
-        shape (K,). The values of others are harmless ones.
+        shape (K,).
     """
     nominal = {
         "momenta": problem.momentum,
@@ -151,8 +149,6 @@ def arrays_of(
     fits = np.ones(count, dtype=bool)
     for name, array in arrays.items():
         fits &= _accepted(name, array, problem)
-    for name, array in arrays.items():
-        arrays[name] = np.where(fits if array.ndim == 1 else fits[:, None], array, _HARMLESS[name])
     return arrays, fits
 
 
@@ -185,7 +181,7 @@ def _accepted(name: str, array: Array, problem: Problem) -> BoolArray:
 
 
 def bound_ratios(
-    values: Mapping[str, Column], nominal: Mapping[str, float], count: int
+    values: Values, nominal: Mapping[str, float], count: int
 ) -> tuple[dict[str, Array], BoolArray]:
     """Nominal bounds over those of runs by key, and whether all of a run are accepted.
 
@@ -198,10 +194,9 @@ def bound_ratios(
     for key, value in nominal.items():
         bounds = as_numbers(values[key], ())
         most = 180.0 if key.endswith("_deg") else 1.0 if key == FRACTION else _LARGEST
-        with np.errstate(invalid="ignore"):
-            accepted = (bounds > 0.0) & (bounds < most) & (value > 0.0)
-        fits &= accepted
-        ratios[key] = np.where(accepted, value, 1.0) / np.where(accepted, bounds, 1.0)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            fits &= (bounds > 0.0) & (bounds < most) & (value > 0.0)
+            ratios[key] = value / bounds
     return ratios, fits
 
 

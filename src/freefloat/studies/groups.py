@@ -69,37 +69,34 @@ class Group:
     def integrate(self, numbers: IntArray, threads: int) -> tuple[IntArray, ManyMotions]:
         """Integrate runs; return the numbers of those whose values fit, and their motions."""
         first = int(numbers[0])
-        count = int(numbers[-1]) + 1 - first
-        values = self.study.variation.values(first, count)
-        arrays, fits = disturbances.arrays_of(values, self.problem, count)
-        attitudes = arrays.pop("attitudes", None)
-        thresholds = arrays.pop("thresholds", None)
-        ratios, accepted = disturbances.bound_ratios(values, self.nominal, count)
-        fits &= accepted
-        fractions = 1.0 / ratios.pop(disturbances.FRACTION, np.ones(count))
-        robots, accepted = self.robot.robots(values, np.arange(first, first + count))
-        fits &= accepted
-        if robots is not None:
-            fits &= robots.suit(self.problem)
+        drawn = self.study.variation.values(first, int(numbers[-1]) + 1 - first)
+        values = disturbances.selected(drawn, numbers - first)
+        arrays, fits = disturbances.arrays_of(values, self.problem, len(numbers))
+        ratios, accepted = disturbances.bound_ratios(values, self.nominal, len(numbers))
+        chosen = np.flatnonzero(fits & accepted & self.robot.accepts(values, len(numbers)))
+        numbers, values = numbers[chosen], disturbances.selected(values, chosen)
+        arrays = {name: array[chosen] for name, array in arrays.items()}
+        ratios = {key: ratio[chosen] for key, ratio in ratios.items()}
+        attitudes, thresholds = arrays.pop("attitudes", None), arrays.pop("thresholds", None)
+        fractions = 1.0 / ratios.pop(disturbances.FRACTION, np.ones(len(numbers)))
+        robots = self.robot.robots(values, numbers)
         limits = dict(zip(self.limit_names, self.limit_places, strict=True))
         limits.pop("clearance", None)  # whose bound chooses the pairs of bodies
         scales = disturbances.limit_scales(ratios, limits, self.limits.attitude.pointing)
-        disturbed = equivalents(self.problem, count, **arrays, robots=robots, scales=scales)
-        places = numbers - first
-        places = places[(fits & ~disturbed.turns_too_often)[places]]
+        disturbed = equivalents(self.problem, len(numbers), **arrays, robots=robots, scales=scales)
         if attitudes is None:
-            attitudes = np.tile(np.asarray(self.attitude), (len(places), 1))
-        else:
-            attitudes = attitudes[places]
+            attitudes = np.tile(np.asarray(self.attitude), (len(numbers), 1))
+        if thresholds is None:
+            thresholds = self.problem.margin.threshold * fractions
+            thresholds *= disturbed.magnifications if self.relative else 1.0
+        suited = ~disturbed.turns_too_often
+        suited &= True if robots is None else robots.suit(self.problem)
+        disturbed, attitudes, thresholds, numbers = (
+            of_all[suited] for of_all in (disturbed, attitudes, thresholds, numbers)
+        )
         joints = self.joints
         if joints is None and self.study.arm_start.joints is not None:
             joints = self.study.joints_near(attitudes)
-        disturbed = disturbed[places]
-        if thresholds is None:
-            required = self.problem.margin.threshold * fractions[places]
-            thresholds = required * disturbed.magnifications if self.relative else required
-        else:
-            thresholds = thresholds[places]
         motions = integrate_disturbed(
             disturbed,
             attitudes,
@@ -111,7 +108,7 @@ class Group:
         )
         if self.recorded.names:
             motions = self._with_recorded(disturbed, motions, threads)
-        return places + first, motions
+        return numbers, motions
 
     @property
     def limit_names(self) -> tuple[str, ...]:

@@ -92,35 +92,29 @@ class VariedRobot:
     model_of: Callable[[int], FreeFloatingModel]
     present: tuple[Array, Array] | None
 
-    def robots(
-        self, values: Mapping[str, Column], numbers: IntArray
-    ) -> tuple[Robots | None, BoolArray]:
-        """The robots of runs, and which runs' values are accepted; others have nominal ones.
+    def accepts(self, values: Mapping[str, Column], count: int) -> BoolArray:
+        """Which of ``count`` runs have values of a robot that an ensemble can represent."""
+        factors, fields = _link_factors(values, count), self._fields(values, count)
+        accepted = np.full(count, self.model.link_places.keys() >= factors.keys())
+        if self.section.attached and any(".mount." in key for key in fields):
+            accepted[:] = False
+        for factor in factors.values():
+            accepted &= _within(factor, *MASS_FACTORS)
+        for key, array in fields.items():
+            accepted &= _is_accepted(key, array)
+        return accepted
+
+    def robots(self, values: Mapping[str, Column], numbers: IntArray) -> Robots | None:
+        """The robots of runs; None where all are the nominal one.
 
         Args:
-            values: Values of the runs by key.
+            values: Values of the runs by key, which are accepted.
             numbers: Numbers of the runs, shape (K,).
-
-        Returns:
-            None for the robots where all are the nominal one.
         """
-        count, places = len(numbers), self.model.link_places
+        count = len(numbers)
         factors, fields = _link_factors(values, count), self._fields(values, count)
         if not factors and not fields:
-            return None, np.ones(count, dtype=bool)
-        accepted = [_is_accepted(key, array) for key, array in fields.items()]
-        accepted += [
-            _within(factor, *MASS_FACTORS) & (link in places) for link, factor in factors.items()
-        ]
-        if self.section.attached and any(".mount." in key for key in fields):
-            accepted.append(np.zeros(count, dtype=bool))
-        fits = np.asarray(np.logical_and.reduce(accepted))
-        factors = {link: np.where(fits, factor, 1.0) for link, factor in factors.items()
-                   if link in places}  # fmt: skip
-        fields = {
-            key: np.where(fits.reshape(-1, *(1,) * (array.ndim - 1)), array, self._nominal(key))
-            for key, array in fields.items()
-        }
+            return None
         rows = {
             link: self._row(part, fields, count) * self._nominal_factor(link)
             for part, link in self._links.items()
@@ -130,7 +124,7 @@ class VariedRobot:
             self.model, numbers, self.model_of, factors=factors, rows=rows,
             mounts=self._mounts(fields, count),
         )  # fmt: skip
-        return robots if self.present is None else robots.with_paths_from(*self.present), fits
+        return robots if self.present is None else robots.with_paths_from(*self.present)
 
     @property
     def _links(self) -> dict[str, str]:
