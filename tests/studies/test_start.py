@@ -82,6 +82,16 @@ def test_the_arm_branch_of_the_unvaried_motion_is_found_once_and_kept(tmp_path: 
     assert [row["margin"] for row in rest] == [row["margin"] for row in every[10:]]
 
 
+@pytest.mark.parametrize("limits", [{}, {"base_rate": 0.02, "joint_rate": 0.06}])
+def test_of_many_runs_the_same_arm_branch_is_found(limits: dict[str, Any], tmp_path: Path) -> None:
+    """By an ensemble, unless limits choose it."""
+    for heading in (120.0, 200.0):
+        keys = {"base": BASE | {"limits": limits}, "files": "none", "heading_deg": heading}
+        study = a_study(tmp_path, MOMENTA, cases=100, **keys)
+        chosen = ff.load_scenario(tmp_path / "base.yaml").simulate(heading=np.radians(heading))
+        assert study.start(7)["joints"] == pytest.approx(chosen.chosen.branch.joints.tolist())
+
+
 def test_an_unvaried_scenario_without_a_motion_is_said_before_all_runs(tmp_path: Path) -> None:
     far = BASE | {"path": BASE["path"] | {"polynomial": {"x": [20, -1], "y": [0], "z": [0]}}}
     study = a_study(tmp_path, {"path.polynomial.x.0": {"list": [2.0, 1.9]}}, base=far)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -90,11 +89,8 @@ def batch(
     console = Console(as_json, quiet)
     loaded = load_study(study)
     if dry_run:
-        loading = time.process_time()
         with console.progress("timing runs"):
-            estimate = estimate_study(loaded, output, workers=workers, scheduler=scheduler).after(
-                loading
-            )
+            estimate = estimate_study(loaded, output, workers=workers, scheduler=scheduler)
         if as_json:  # a million runs take gigabytes
             console.json(estimate.to_dict())
         console.tables(_estimate_tables(estimate))
@@ -175,6 +171,7 @@ def _fraction(percent: str | None) -> float | None:
 
 def _estimate_tables(estimate: StudyEstimate) -> Iterator[RenderableType]:
     """The runs, and how long they will take."""
+    from freefloat.studies.estimate import why_run_by_run
     from freefloat.studies.runner import runs_text
 
     study = estimate.study
@@ -186,8 +183,8 @@ def _estimate_tables(estimate: StudyEstimate) -> Iterator[RenderableType]:
     yield runs
     if study.count > _MAX_ROWS:
         yield f"and {study.count - _MAX_ROWS:,} more"
-    if estimate.run_by_run is not None:
-        yield f"runs on their own, because {estimate.run_by_run}"
+    if (reason := why_run_by_run(study)) is not None:
+        yield f"runs on their own, because {reason}"
     if study.contact_unchecked is not None:
         yield study.contact_unchecked
     if estimate.run_seconds is not None and estimate.seconds is not None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -57,22 +56,10 @@ class StudyEstimate:
     seconds: float | None = None
     basis: str | None = None
 
-    @cached_property
-    def run_by_run(self) -> str | None:
-        """See :func:`why_run_by_run`."""
-        return why_run_by_run(self.study)
-
     @property
     def missing(self) -> int:
         """Number of runs that are not finished."""
         return self.study.count - len(self.finished)
-
-    def after(self, seconds: float) -> StudyEstimate:
-        """The same with the time that the process takes to load [s]."""
-        if self.seconds is None:
-            return self
-        start = self.start_seconds + seconds
-        return replace(self, start_seconds=start, seconds=self.seconds + seconds)
 
     def to_dict(self) -> dict[str, Any]:
         """The JSON document of ``batch --dry-run``."""
@@ -88,7 +75,7 @@ class StudyEstimate:
             "files": self.files,
             "file_seconds_each": self.file_seconds,
             "timed": self.basis,
-            "run_by_run": self.run_by_run,
+            "run_by_run": why_run_by_run(self.study),
             "contact_unchecked": self.study.contact_unchecked,
             "seconds": self.seconds,
             "cases": [

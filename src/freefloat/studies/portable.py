@@ -40,10 +40,8 @@ class PortableStudy:
     def __getstate__(self) -> dict[str, Any]:
         """What is sent: the arm branch that is found once, not the place where the files are."""
         study, source = self.study, self.study.base_source.absolute()  # from any working folder
-        content = study.content
-        if study.initial_attitude(0):
-            content = content.model_copy(update={"start": study.arm_start})
-        return {"study": replace(study, content=content, base_source=source), "files": self.files}
+        here = replace(study, content=study.settled, base_source=source)
+        return {"study": here, "files": self.files}
 
     @cached_property
     def _folder(self) -> str:

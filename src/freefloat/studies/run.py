@@ -23,8 +23,8 @@ from freefloat.studies.columns import ERROR, UNCHECKED, finite
 from freefloat.studies.folder import FILES, WRITABLE
 from freefloat.studies.portable import PortableStudy
 from freefloat.studies.record_values import record_values
-from freefloat.studies.study import UNDISTURBED, Study, initial_attitude
-from freefloat.studies.study_file import Command
+from freefloat.studies.study import UNDISTURBED, Study
+from freefloat.studies.study_file import Command, initial_attitude
 from freefloat.studies.variation import error_of_study, scenario_from
 
 
@@ -151,7 +151,7 @@ def with_arm_branch(
         return problem.replace(start_joints=joints), None
     branches = problem.branches(attitude)
     nearest = problem.nearest(joints, branches, math.inf) if branches else None
-    return problem, nearest and nearest.index
+    return problem, None if nearest is None else nearest.index
 
 
 def _file_content(record: Any, scenario: Scenario) -> bytes:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Callable
 from functools import partial
 from hashlib import sha256
 from typing import Annotated, Any, TypeVar
@@ -29,6 +30,8 @@ _REDRAWN = 100
 _HALF = 0.5**54
 """Half the spacing of random numbers, which are otherwise multiples of it from 0 on."""
 
+_Stream = Callable[[int], Array]
+"""Random numbers in (0, 1) of K runs, shape (K, width), by their width."""
 _Value = TypeVar("_Value")
 _List = Annotated[list[_Value], Field(min_length=1, max_length=100)]
 
@@ -95,6 +98,12 @@ class NormalSection(Section):
             raise ValueError("sd: a number, or a list as long as mean")
         return self
 
+    def drawn(self, stream: _Stream) -> Array:
+        """The values (K,) or (K, k) of a stream of random numbers."""
+        mean, sd = (np.asarray(value, dtype=float) for value in (self.mean, self.sd))
+        numbers = stream(mean.size)
+        return np.asarray(mean + sd * scipy.special.ndtri(numbers).reshape(-1, *mean.shape))
+
 
 class BallSection(Section):
     """Points uniformly distributed in a ball."""
@@ -104,13 +113,9 @@ class BallSection(Section):
     radius: NotNegative
     """Radius of the ball, in the unit of the key."""
 
-    @property
-    def width(self) -> int:
-        """Number of random numbers for a point."""
-        return len(self.center) + 1
-
-    def points(self, numbers: Array) -> Array:
-        """The points (K, k) of random numbers in (0, 1), shape (K, k + 1)."""
+    def drawn(self, stream: _Stream) -> Array:
+        """The points (K, k) of a stream of random numbers."""
+        numbers = stream(len(self.center) + 1)
         radii = numbers[:, -1:] ** (1.0 / len(self.center))
         return np.asarray(self.center + self.radius * radii * _directions(numbers[:, :-1]))
 
@@ -129,16 +134,12 @@ class RotationSection(Section):
             raise ValueError("center and angle_deg, or {} for all attitudes")
         return self
 
-    @property
-    def width(self) -> int:
-        """Number of random numbers for an attitude."""
-        return 4
-
-    def quaternions(self, numbers: Array) -> Array:
-        """The quaternions x, y, z, w (K, 4) of random numbers in (0, 1), shape (K, 4).
+    def drawn(self, stream: _Stream) -> Array:
+        """The quaternions x, y, z, w (K, 4) of a stream of random numbers.
 
         The volume of a ball of angle a is a - sin(a), scaled.
         """
+        numbers = stream(4)
         if self.center is None or self.angle_deg is None:
             return _directions(numbers)
         angles = np.linspace(0.0, np.radians(self.angle_deg), 1025)
@@ -224,19 +225,13 @@ class ValuesSection(Section):
     def _drawn(self, seed: int, key: str, first: int, count: int) -> Array:
         """Random values with independent components."""
         stream = partial(_random_numbers, seed, key, first, count)
-        if self.ball is not None:
-            return self.ball.points(stream(self.ball.width))
-        if self.so3 is not None:
-            return self.so3.quaternions(stream(self.so3.width))
-        if self.uniform is not None:
-            low, high = (np.asarray(end, dtype=float) for end in self.uniform)
-            numbers = stream(low.size).reshape(count, *low.shape)
-            return np.asarray(low + (high - low) * numbers)
-        if self.normal is not None:
-            mean, sd = (np.asarray(v, dtype=float) for v in (self.normal.mean, self.normal.sd))
-            numbers = stream(mean.size).reshape(count, *mean.shape)
-            return np.asarray(mean + sd * scipy.special.ndtri(numbers))
-        raise ValueError(f"the values of {key} are listed")
+        for section in (self.normal, self.ball, self.so3):
+            if section is not None:
+                return section.drawn(stream)
+        if self.uniform is None:
+            raise ValueError(f"the values of {key} are listed")
+        low, high = (np.asarray(end, dtype=float) for end in self.uniform)
+        return np.asarray(low + (high - low) * stream(low.size).reshape(count, *low.shape))
 
 
 def _random_numbers(seed: int, key: str, first: int, count: int, width: int) -> Array:

@@ -104,7 +104,7 @@ def sensitivities(study: Study) -> list[Sensitivity]:
         return []
     from freefloat.studies.groups import group_of  # compiled kernels
 
-    mixed = _MixedStudy(study.source, study.content, study.base_source, study.base)
+    mixed = _MixedStudy(study.source, study.settled, study.base_source, study.base)
     group, keys = group_of(mixed, 0), list(study.content.vary)
     if group is None:
         return []

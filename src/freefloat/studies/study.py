@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
@@ -13,7 +11,7 @@ import numpy as np
 
 from freefloat.dynamics.measures import singularity_measure
 from freefloat.dynamics.tasks import Task
-from freefloat.errors import FreeFloatError, InputError, finite_number
+from freefloat.errors import FreeFloatError, InputError
 from freefloat.io.scenario.field_types import Section
 from freefloat.io.scenario.robot_section import RobotFile
 from freefloat.io.scenario.scenario import Scenario
@@ -33,14 +31,15 @@ from freefloat.studies.study_file import (
     Command,
     StartSection,
     StudyFile,
+    initial_attitude,
 )
 from freefloat.studies.variation import Variation, scenario_from, with_values
 
 CLEARANCE = "limits.clearance"
+_MANY = 100
+"""Number of runs from which an ensemble may find the arm branch of the unvaried scenario."""
 UNDISTURBED = -1
-"""In place of the number of a run: the simulation of the base scenario as it is."""
-
-
+"""In place of the number of a run: the base scenario as it is, with the start of the runs."""
 _CONTACT_UNCHECKED = (
     "contact between bodies is not considered; limits: {clearance: 0} in the base scenario "
     "considers it"
@@ -194,9 +193,8 @@ class Study:
             InputError: As :meth:`scenario`.
         """
         scenario = scenario_from(self.posed(document), self.base_source.absolute())
-        if document.get("robot") != self.base.get("robot"):
-            return scenario
-        return replace(scenario, robot=self.base_robot)
+        unvaried = document.get("robot") == self.base.get("robot")
+        return replace(scenario, robot=self.base_robot) if unvaried else scenario
 
     def initial_attitude(self, number: int) -> dict[str, Any]:
         """The attitude or heading_deg of a run; empty for commands that have none."""
@@ -240,11 +238,23 @@ class Study:
         try:
             scenario = self.scenario(UNDISTURBED)
             attitude = initial_attitude(scenario.problem(), self.initial_attitude(UNDISTURBED))
-            return StartSection(joints=scenario.simulate(attitude).chosen.branch.joints.tolist())
+            if self.count < _MANY:
+                return StartSection(
+                    joints=scenario.simulate(attitude).chosen.branch.joints.tolist()
+                )
+            from freefloat.studies.groups import chosen_joints  # compiled kernels
+
+            return StartSection(joints=chosen_joints(scenario, attitude).tolist())
         except FreeFloatError as error:
             problem = f"the unvaried scenario has no motion that would choose it: {error}"
             accepted = "start: {branch: best}, a number of a branch, or start: {joints: [...]}"
             raise InputError("start", problem, accepted, self.source) from None
+
+    @property
+    def settled(self) -> StudyFile:
+        """The data of the study with the arm branch of its runs."""
+        start = {"start": self.arm_start} if self.initial_attitude(0) else {}
+        return self.content.model_copy(update=start)
 
     @cached_property
     def start_problem(self) -> Problem:
@@ -286,15 +296,3 @@ class _MarginFile(Section):
 @lru_cache(maxsize=8)
 def _largest(robot: FreeFloatingModel, task: Task, measure: str) -> float:
     return largest_magnitude(robot, task, singularity_measure(robot, task, measure))
-
-
-def initial_attitude(problem: Problem, start: Mapping[str, Any]) -> Array:
-    """The attitude (4,) of a start with ``attitude`` or ``heading_deg``.
-
-    Raises:
-        InputError: If it is none of the problem.
-    """
-    heading = start.get("heading_deg")
-    if heading is not None:
-        heading = math.radians(finite_number("heading_deg", heading, "a finite number of degrees"))
-    return problem.attitude(start.get("attitude"), heading=heading)

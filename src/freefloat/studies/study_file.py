@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
 from enum import StrEnum
 from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
+from freefloat.errors import finite_number
 from freefloat.io.scenario.field_types import (
     Name,
     NotNegative,
@@ -17,6 +20,8 @@ from freefloat.io.scenario.field_types import (
     Seed,
     exactly_one_of,
 )
+from freefloat.motion.problem import Problem
+from freefloat.so3 import Array
 from freefloat.studies.sampling import Count, ValuesSection
 
 STARTS = "start: {branch: N}, start: {branch: best} or start: {joints: [...]}"
@@ -124,3 +129,15 @@ class StudyFile(Section):
     to these."""
     track: TrackSection = TrackSection()
     """Command track: deviations of the simulated robot, and its controller."""
+
+
+def initial_attitude(problem: Problem, start: Mapping[str, Any]) -> Array:
+    """The attitude (4,) of a start with ``attitude`` or ``heading_deg``.
+
+    Raises:
+        InputError: If it is none of the problem.
+    """
+    heading = start.get("heading_deg")
+    if heading is not None:
+        heading = math.radians(finite_number("heading_deg", heading, "a finite number of degrees"))
+    return problem.attitude(start.get("attitude"), heading=heading)
