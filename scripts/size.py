@@ -26,7 +26,7 @@ RECORDS = {
     MODULES: 1_620, "robot": 4_730, "paths": 1_830, "dynamics": 2_980, "ik": 2_080,
     "motion": 2_840, "certificate": 700, "limits": 2_620, "ensemble": 2_740,
     "regions": 880, "planning": 8_490, "verification": 1_560, "io": 4_000,
-    "visualization": 5_075, "studies": 5_080, "cli": 3_240,
+    "visualization": 5_100, "studies": 4_845, "cli": 3_230,
 }  # fmt: skip
 """Lines of folders that are larger than their goals permit."""
 

@@ -36,8 +36,8 @@ _MAX_POINTS = 1000
 """Runs above which their density is drawn."""
 _BINS = 40
 """Bars of the histogram."""
-_MAX_QUANTITIES = 8
-"""Limiting quantities that have a bar."""
+_MAX_QUANTITIES, _OF_MARGIN = 8, ("margin", "singularity")
+"""Number of limiting quantities that have a bar; those that the histogram of margins shows."""
 _PARTS = 20
 """Parts into which runs are divided, by the value of a parameter, to see its effect."""
 _CELLS = 60, 40
@@ -88,14 +88,15 @@ def study_figure(
     measure = next(filter(None, table["measure"]), None)
     quantity = "minimum margin" if measure is None else f"minimum |{measure_title(measure)}|"
     label = f"margin {amount(required[0], unit)}" if len(required) == 1 else ""
-    limiting = _others_limit(table.get("limiting"))
-    if limiting is not None:
-        _draw_limiting(histogram, limiting, verdicts)
+    limiting = table.get("limiting", np.array([], dtype=object))
+    known, others = limiting.astype(bool), ~np.isin(limiting.astype(str), _OF_MARGIN)
+    if limited := 2 * np.sum(known & others) > np.sum(known):
+        _draw_limiting(histogram, limiting[known], verdicts[known])
     else:
         _draw_histogram(histogram, table["margin"], verdicts)
         histogram.set_xlabel(axis_label(quantity, unit))
     lowest, highest = margins.min(initial=np.inf), margins.max(initial=1e-9)
-    if label and limiting is None:
+    if label and not limited:
         histogram.axvline(*required, color=GREY, linestyle="--", linewidth=0.8)
     if label:
         lowest = min(lowest, required[0])
@@ -154,30 +155,17 @@ def _draw_histogram(axes: Any, margins: Array, verdicts: Column) -> None:
     )  # fmt: skip
 
 
-def _others_limit(limiting: Column | None) -> Column | None:
-    """The limiting quantities where most of them are others than the margin; else None."""
-    known = [] if limiting is None else [name for name in limiting if name]
-    others = sum(name not in ("margin", "singularity") for name in known)
-    return limiting if 2 * others > len(known) else None
-
-
-def _draw_limiting(axes: Any, limiting: Column, verdicts: Column) -> None:
+def _draw_limiting(axes: Any, names: Column, verdicts: Column) -> None:
     """Draw how many runs each quantity limits, by verdict, the most frequent at the top."""
-    names, counts = np.unique([name for name in limiting if name], return_counts=True)
-    shown = names[np.argsort(counts, kind="stable")][-_MAX_QUANTITIES:]
-    left = np.zeros(len(shown))
+    limiting, counts = np.unique(names, return_counts=True)
+    shown, left = limiting[np.argsort(counts, kind="stable")][-_MAX_QUANTITIES:], 0.0
     for verdict, (_, colour) in _MARKS.items():
-        runs = np.array([np.sum((limiting == name) & (verdicts == verdict)) for name in shown])
+        runs = np.array([np.sum((names == name) & (verdicts == verdict)) for name in shown])
         if runs.any():
             label = f"{verdict} ({int((verdicts == verdict).sum()):,})"
-            axes.barh(
-                [name.replace(" of ", "\nof ") for name in shown],
-                runs,
-                left=left,
-                color=colour,
-                label=label,
-            )
-        left = left + runs
+            places = [name.replace(" of ", "\nof ") for name in shown]
+            axes.barh(places, runs, left=left, color=colour, label=label)
+            left += runs
     axes.set_xlabel("runs by limiting quantity")
     axes.tick_params(axis="y", labelsize=6.5)
 
