@@ -87,13 +87,13 @@ def completed_in_pool(
                     accepted = 'a script that calls it below `if __name__ == "__main__":`'
                     raise InputError("workers", "worker processes end as they start", accepted)
                 logging.getLogger("freefloat").warning(_KILLED)
-                begin()
                 if begun is not None and begun not in repeated:
                     repeated.append(begun)
                     waiting.appendleft(begun)
                 elif begun is not None:
                     yield begun, None
                     missing -= 1
+                begin()
             elif isinstance(outcome, BaseException):
                 raise outcome
             elif begun is not None:

@@ -158,14 +158,15 @@ def _draw_histogram(axes: Any, margins: Array, verdicts: Column) -> None:
 def _draw_limiting(axes: Any, names: Column, verdicts: Column) -> None:
     """Draw how many runs each quantity limits, by verdict, the most frequent at the top."""
     limiting, counts = np.unique(names, return_counts=True)
-    shown, left = limiting[np.argsort(counts, kind="stable")][-_MAX_QUANTITIES:], 0.0
+    shown = limiting[np.argsort(counts, kind="stable")][-_MAX_QUANTITIES:]
+    left = np.zeros(len(shown))
     for verdict, (_, colour) in _MARKS.items():
         runs = np.array([np.sum((names == name) & (verdicts == verdict)) for name in shown])
         if runs.any():
             label = f"{verdict} ({int((verdicts == verdict).sum()):,})"
             places = [name.replace(" of ", "\nof ") for name in shown]
             axes.barh(places, runs, left=left, color=colour, label=label)
-            left += runs
+            left = left + runs
     axes.set_xlabel("runs by limiting quantity")
     axes.tick_params(axis="y", labelsize=6.5)
 
