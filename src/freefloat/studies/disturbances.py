@@ -9,11 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from freefloat.ensemble.known_limits import KNOWN, KnownLimits
-from freefloat.io.scenario.scenario import Scenario
-from freefloat.limits.limits import GIVEN
-from freefloat.limits.recorded_limits import RECORDED, RecordedLimits
-from freefloat.motion.pointing import AttitudeLimits, Keep, PointingLimit
+from freefloat.motion.pointing import Keep, PointingLimit
 from freefloat.motion.problem import Problem
 from freefloat.so3 import Array, BoolArray, IntArray
 from freefloat.studies.columns import NUMBER, Columns, as_numbers
@@ -228,31 +224,3 @@ def limit_scales(
                 outside = limit == "pointing" and pointing[int(names[0])].keep is Keep.OUTSIDE
                 column *= 1.0 / ratio if outside else ratio
     return scales
-
-
-def limits_of_runs(
-    scenario: Scenario, *, mounts: bool = False, moved: bool = False
-) -> tuple[KnownLimits, RecordedLimits, tuple[str, ...]]:
-    """The limits that ensembles know, those that recorded motions show, and names of the others.
-
-    Args:
-        scenario: The scenario.
-        mounts: Whether mounts vary, so that axes and bodies of the arm's first link do.
-        moved: Whether durations or robots vary, so that the bodies of a scene are elsewhere.
-    """
-    limits, problem = scenario.limits(), scenario.problem()
-    bounds = {kind.name: getattr(limits, kind.name) for kind in GIVEN}
-    given = {
-        name: bound for name, bound in bounds.items()
-        if bound is not None and np.size(bound) > 0 and not isinstance(bound, str)
-    }  # fmt: skip
-    shown = {} if mounts or (moved and problem.scene.bodies) else given
-    recorded = RecordedLimits(problem, *(shown.get(name) for name in RECORDED))
-    _ = recorded.places  # or the error of shapes that cannot be used
-    attitude = AttitudeLimits(
-        pointing=() if mounts else limits.pointing, base_turn=limits.base_turn
-    )
-    known = KnownLimits(problem.model, limits.joint_rate, limits.base_rate, attitude)
-    seen = {*KNOWN, *recorded.names} - ({"pointing"} if mounts else set())
-    corridor = () if problem.scene.corridor is None else ("corridor",)
-    return known, recorded, (*sorted(given.keys() - seen), *corridor)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
@@ -14,8 +13,7 @@ from freefloat.ensemble.disturbed_motions import integrate_disturbed
 from freefloat.ensemble.equivalence import ScaledMotions, equivalents
 from freefloat.ensemble.known_limits import KnownLimits, LimitValues
 from freefloat.ensemble.many_motions import ManyMotions
-from freefloat.ensemble.simulate_many import simulate_many
-from freefloat.errors import FreeFloatError, MissingNumbaError
+from freefloat.errors import FreeFloatError
 from freefloat.io.scenario.path_schema import FrameName
 from freefloat.io.scenario.scenario import Scenario
 from freefloat.limits.recorded_limits import RecordedLimits
@@ -23,6 +21,7 @@ from freefloat.motion.problem import Problem
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import UPRIGHT, Array, BoolArray, IntArray
 from freefloat.studies import disturbances
+from freefloat.studies.run_limits import limits_of_runs
 from freefloat.studies.study import Study
 from freefloat.studies.study_file import START_KEYS, initial_attitude
 from freefloat.studies.variation import with_values
@@ -193,7 +192,7 @@ def _group(study: Study, number: int, reasons: list[str]) -> Group | None:
         return None
     apart = list(_unfit_values(study, scenario, problem, parameters))
     moved = vary_robots(study.content.vary, listed) or "timing.duration" in parameters
-    limits, recorded, others = disturbances.limits_of_runs(
+    limits, recorded, others = limits_of_runs(
         scenario, mounts=_mounts_vary(parameters), moved=moved
     )
     if others:
@@ -218,18 +217,6 @@ def _group(study: Study, number: int, reasons: list[str]) -> Group | None:
         start.branch if isinstance(start.branch, int) else None, joints, limits, recorded, others,
         nominal, _varied_robot(study, document, scenario),
     )  # fmt: skip
-
-
-def chosen_joints(scenario: Scenario, attitude: Array) -> Array:
-    """Initial joints (n,) of the motion that simulate chooses; without limits of an ensemble."""
-    problem, (known, recorded, others) = scenario.problem(), disturbances.limits_of_runs(scenario)
-    limited = bool(known.names or recorded.names or others)
-    if not limited and scenario.content.search.joints is None and problem.model.has_one_arm:
-        with suppress(MissingNumbaError):
-            motions = simulate_many(problem, attitude, threads=1)
-            if motions.reached.all():
-                return np.asarray(motions.joints[0])
-    return scenario.simulate(attitude).chosen.branch.joints
 
 
 def _unfit_values(

@@ -242,7 +242,7 @@ class Study:
                 return StartSection(
                     joints=scenario.simulate(attitude).chosen.branch.joints.tolist()
                 )
-            from freefloat.studies.groups import chosen_joints  # compiled kernels
+            from freefloat.studies.run_limits import chosen_joints  # compiled kernels
 
             return StartSection(joints=chosen_joints(scenario, attitude).tolist())
         except FreeFloatError as error:
