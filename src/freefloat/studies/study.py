@@ -218,9 +218,16 @@ class Study:
         return start | {"joints": self.joints_near(attitude[None])[0].tolist()}
 
     @property
+    def _centre(self) -> dict[str, Any]:
+        """The attitude about which attitudes are drawn; empty where they are not."""
+        values = self.content.vary.get("attitude")
+        ball = None if values is None else values.so3
+        return {} if ball is None or ball.angle_deg is None else {"attitude": ball.center}
+
+    @property
     def default_start(self) -> StartSection | None:
         """The arm branch without ``start``; None for that of the unvaried scenario's motion."""
-        if not any(key in self.content.vary for key in START_KEYS):
+        if self._centre or not any(key in self.content.vary for key in START_KEYS):
             return None
         joints = (self.base.get("search") or {}).get("joints")
         return StartSection(branch="best") if joints is None else StartSection(joints=joints)
@@ -237,7 +244,8 @@ class Study:
             return start
         try:
             scenario = self.scenario(UNDISTURBED)
-            attitude = initial_attitude(scenario.problem(), self.initial_attitude(UNDISTURBED))
+            start_at = self.initial_attitude(UNDISTURBED) or self._centre
+            attitude = initial_attitude(scenario.problem(), start_at)
             if self.count < _MANY:
                 return StartSection(
                     joints=scenario.simulate(attitude).chosen.branch.joints.tolist()
