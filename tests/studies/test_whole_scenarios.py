@@ -62,6 +62,12 @@ MOUNTS: dict[str, Any] = {
 }
 
 
+ENDS: dict[str, Any] = {
+    "path.line.to": {"ball": {"center": [0.35, 0.35, 1.0], "radius": 0.03}},
+    "path.line.from.1": {"uniform": [0.07, 0.13]},
+}
+
+
 def a_spatial_study(folder: Path, vary: dict[str, Any], **keys: Any) -> Study:
     start = {} if "attitude" in vary else {"attitude": ATTITUDE}
     defaults = {"base": BASE, "cases": 40, "files": "none", "heading_deg": None}
@@ -130,6 +136,8 @@ def assert_same_extremes(row: dict[str, Any], simulation: ff.Simulation) -> None
     ("vary", "frame", "keys"),
     [
         (VARY, "spacecraft", {}),
+        (ENDS, "spacecraft", {}),
+        (ENDS | VARY | LINKS, "spacecraft", {}),
         (VARY | LINKS, "base_link", {}),
         (LINKS | MOUNTS, "spacecraft", {"start": {"branch": 1}}),
         (LINKS | MOUNTS, "spacecraft", {"start": {"branch": "best"}}),

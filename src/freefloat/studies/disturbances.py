@@ -27,6 +27,8 @@ _BOUND = re.compile(
 """Scenario keys of bounds of limits that may differ in an ensemble."""
 VECTORS = {"momentum": "momenta", "wheels.momentum": "wheels", "drift": "drifts"}
 """Scenario keys of vectors, and what they are in ensembles; entries vary, too, as momentum.2."""
+ENDS = ("path.line.from", "path.line.to")
+"""Scenario keys of the ends of a line, likewise."""
 NUMBERS = {"timing.duration": "durations", "margin.value": "thresholds"}
 """Scenario keys of numbers, and what they are in ensembles."""
 FEWEST = 16
@@ -67,8 +69,8 @@ def fits_ensembles(key: str, listed: Mapping[str, Sequence[Any]]) -> bool:
     if is_bound(key):
         return bool(np.isfinite(as_numbers(listed.get(key, []), ())).all())
     vector, _, entry = key.rpartition(".")
-    component = vector in VECTORS and entry in ("0", "1", "2")
-    named = (*VECTORS, *NUMBERS, *START_KEYS, SCALE_MASS)
+    component = vector in (*VECTORS, *ENDS) and entry in ("0", "1", "2")
+    named = (*VECTORS, *ENDS, *NUMBERS, *START_KEYS, SCALE_MASS)
     return key in named or component or is_robot_key(key)
 
 
@@ -146,6 +148,41 @@ def arrays_of(values: Values, problem: Problem, count: int) -> tuple[dict[str, A
     for name, array in arrays.items():
         fits &= _accepted(name, array, problem)
     return arrays, fits
+
+
+@dataclass(frozen=True, eq=False)
+class Line:
+    """A path along a line whose ends vary.
+
+    Attributes:
+        ends: Its ends in the frame of the path [m], shape (2, 3).
+        axes: Rotation from this frame to the inertial one, shape (3, 3).
+    """
+
+    ends: Array
+    axes: Array
+
+    def offsets(self, values: Values, count: int) -> Array:
+        """From its ends to those of ``count`` runs with values by key, shape (K, 2, 3)."""
+        ends = np.tile(self.ends, (count, 1, 1))
+        for key, column in values.items():
+            whole, _, entry = key.rpartition(".")
+            if key in ENDS:
+                ends[:, ENDS.index(key)] = as_numbers(column, (3,))
+            elif whole in ENDS:
+                ends[:, ENDS.index(whole), int(entry)] = as_numbers(column, ())
+        return (ends - self.ends) @ self.axes.T
+
+
+def are_lines(offsets: Array, problem: Problem) -> BoolArray:
+    """Which offsets of the ends, shape (K, 2, 3), lead to lines that a problem may have, (K,)."""
+    path = problem.path.path.curve
+    chords = path(1.0) - path(0.0) + offsets[:, 1] - offsets[:, 0]
+    with np.errstate(invalid="ignore"):
+        lines = (np.abs(offsets) <= _LARGEST).all(axis=(1, 2)) & chords.any(axis=1)
+        if problem.task.planar:
+            lines &= (problem.plane.seen(np.nan_to_num(offsets))[..., 2] == 0.0).all(axis=1)
+    return np.asarray(lines)
 
 
 def _attitudes(key: str, column: Array | Sequence[Any], problem: Problem) -> Array:

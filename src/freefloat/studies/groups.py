@@ -19,6 +19,7 @@ from freefloat.io.scenario.scenario import Scenario
 from freefloat.limits.recorded_limits import RecordedLimits
 from freefloat.motion.problem import Problem
 from freefloat.robot.model import FreeFloatingModel
+from freefloat.rotations import rotation_matrix
 from freefloat.so3 import UPRIGHT, Array, BoolArray, IntArray
 from freefloat.studies import disturbances
 from freefloat.studies.run_limits import limits_of_runs
@@ -48,6 +49,7 @@ class Group:
         others: Names of the limits that only precise motions show.
         nominal: Values of the varied keys of limits and margin that the problem has.
         robot: The robot of which those of the runs are variations.
+        line: The path, if its ends vary.
     """
 
     study: Study
@@ -61,6 +63,7 @@ class Group:
     others: tuple[str, ...]
     nominal: Mapping[str, float]
     robot: VariedRobot
+    line: disturbances.Line | None
 
     @property
     def starts_at_best(self) -> bool:
@@ -74,6 +77,9 @@ class Group:
         values = disturbances.selected(drawn, numbers - first)
         arrays, fits = disturbances.arrays_of(values, self.problem, len(numbers))
         ratios, accepted = disturbances.bound_ratios(values, self.nominal, len(numbers))
+        if self.line is not None:
+            arrays["offsets"] = self.line.offsets(values, len(numbers))
+            fits &= disturbances.are_lines(arrays["offsets"], self.problem)
         chosen = np.flatnonzero(fits & accepted & self.robot.accepts(values, len(numbers)))
         numbers, values = numbers[chosen], disturbances.selected(values, chosen)
         arrays = {name: array[chosen] for name, array in arrays.items()}
@@ -215,7 +221,7 @@ def _group(study: Study, number: int, reasons: list[str]) -> Group | None:
     return Group(
         study, problem, scenario.content.margin.fraction is not None, attitude,
         start.branch if isinstance(start.branch, int) else None, joints, limits, recorded, others,
-        nominal, _varied_robot(study, document, scenario),
+        nominal, _varied_robot(study, document, scenario), _line(scenario, parameters),
     )  # fmt: skip
 
 
@@ -235,8 +241,29 @@ def _unfit_values(
     turned = _moves_with_robot(scenario) and frame is not FrameName.SPACECRAFT
     if turned and _mounts_vary(parameters):
         yield f"the mount varies, and with it the {frame} frame of the path"
+    attitude = content.path.attitude
+    if _lines_vary(parameters):
+        if frame not in (FrameName.INERTIAL, FrameName.SPACECRAFT):
+            yield f"the path varies in the frame {frame}"
+        elif attitude is not None and (attitude.follow or attitude.point_at):
+            yield "the path varies, and with it the orientation of the end-effector"
     if "heading_deg" in parameters and not problem.has_headings:
         yield "heading_deg varies, but the spacecraft does not turn in a plane"
+
+
+def _lines_vary(parameters: Mapping[str, Any]) -> bool:
+    return any(key.startswith(disturbances.ENDS) for key in parameters)
+
+
+def _line(scenario: Scenario, parameters: Mapping[str, Any]) -> disturbances.Line | None:
+    """The path of a scenario if its ends vary: a line in the inertial or the spacecraft's frame."""
+    path, attitude = scenario.content.path, scenario.search().from_attitude
+    if path.line is None or not _lines_vary(parameters):
+        return None
+    axes = np.eye(3)
+    if path.frame is FrameName.SPACECRAFT and attitude is not None:
+        axes = rotation_matrix(attitude)
+    return disturbances.Line(np.array([path.line.start, path.line.end]), axes)
 
 
 def _mounts_vary(parameters: Mapping[str, Any]) -> bool:
