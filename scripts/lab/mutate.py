@@ -41,7 +41,7 @@ TESTS = {
     "io.records": "tests/io/test_results.py tests/io/test_scene_section.py "
     f"tests/io/test_singularity_file.py {LOADED} {ARMS} {KINDS}",
     "kinds": KINDS,
-    "limits": f"tests/limits tests/missions/test_goals.py::test_gradients_of_clearances {KINDS}",
+    "limits": f"tests/limits {KINDS}",
     "motion.integration": "tests/motion/test_integration.py tests/motion/test_motion.py "
     "tests/motion/test_extrema.py",
     "motion.problem": "tests/motion/test_problem.py tests/test_misuse.py",

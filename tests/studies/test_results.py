@@ -176,7 +176,7 @@ def test_the_summary_counts_verdicts_and_margins(study: Study, tmp_path: Path) -
     assert document["feasible_fraction_error"] == pytest.approx(math.sqrt(4 / 5) / 4)
     assert document["feasible_fraction_interval"] == pytest.approx([0.0945, 0.9055], abs=1e-4)
     assert document["margin"] == {"least": 2.5, "median": 5.0, "largest": 7.5}
-    percentiles = {"5": 2.75, "25": 3.75, "50": 5.0, "75": 6.25, "95": 7.25}
+    percentiles = {"5": 2.75, "25": 3.75, "50": 5.0, "75": 6.25, "95": 7.25, "99": 7.45, "runs": 2}
     assert document["percentiles"] == {"margin": pytest.approx(percentiles)}  # the others are equal
     assert document["limiting"] == {"margin": 2}
     assert document["reasons"] == {INFEASIBLE["reason"]: 1}

@@ -237,9 +237,10 @@ def _percentile_tables(result: StudyResult) -> Iterator[RenderableType]:
     """Percentiles of the results, by column."""
     from freefloat.studies.results import PERCENTILES
 
-    rows = table("percentiles of", *(f"{percentage} %" for percentage in PERCENTILES))
+    rows = table("percentiles of", *(f"{percentage} %" for percentage in PERCENTILES), "of runs")
     for name, values in result.percentiles.items():
-        rows.add_row(name, *(f"{value:.4g}" for value in values.values()))
+        *found, runs = values.values()
+        rows.add_row(name, *(f"{value:.4g}" for value in found), f"{runs:,}")
     if result.percentiles:
         yield rows
 

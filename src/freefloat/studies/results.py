@@ -20,7 +20,7 @@ from freefloat.studies.study_file import TRACK_SEED
 
 _MAX_LISTED = 20
 """Largest number of errors, of reasons and of limiting quantities in the document."""
-PERCENTILES = 5, 25, 50, 75, 95
+PERCENTILES = 5, 25, 50, 75, 95, 99
 """Percentages of runs at most at the percentiles."""
 _NOT_SUMMED = "attitude.", "final_attitude.", "seconds"
 """Beginnings of the names of columns without percentiles."""
@@ -127,7 +127,11 @@ class StudyResult:
 
     @cached_property
     def percentiles(self) -> dict[str, dict[str, float]]:
-        """Percentiles of the results that are numbers, unless all runs have the same, by column."""
+        """Percentiles of the results that are numbers, unless all runs have the same, by column.
+
+        ``runs`` is the number of runs that have the result: ratios of torques and clearances are
+        known of those alone that keep all else.
+        """
         percentiles = {}
         for name, kind in self.rows.types.items():
             if kind != REAL or name in self.rows.parameters or name.startswith(_NOT_SUMMED):
@@ -136,6 +140,7 @@ class StudyResult:
             if len(values) and np.ptp(values) > _SAME_NUMBER * np.abs(values).max():
                 found = np.percentile(values, PERCENTILES).tolist()
                 percentiles[name] = dict(zip(map(str, PERCENTILES), found, strict=True))
+                percentiles[name]["runs"] = len(values)
         return percentiles
 
     @cached_property
