@@ -56,6 +56,7 @@ _STYLE: Any = {
     "font.size": 8.0,
     "grid.color": PALE,
     "grid.linewidth": 0.5,
+    "axes.formatter.useoffset": False,
     "legend.fontsize": 7.0,
     "legend.frameon": False,
     "lines.linewidth": 1.2,
@@ -71,8 +72,8 @@ _SCREEN = 130.0
 """Resolution of figures in notebooks [dots per inch]."""
 _CROWDED, _LONGEST_LINE = 6, 8
 """Number of entries above which a legend's lines are set tighter, and the most in a line."""
-_SAMPLE, _LETTERS = 4, 64
-"""Letters that are as wide as the line beside a name, and the most in a line of a legend."""
+_LETTER, _BEYOND = 0.6, 1.1
+"""Width of a letter over the size of letters, and of a legend over that of its axes, at most."""
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -175,10 +176,13 @@ def draw_point(axes: Any, position: Array, marker: str, size: float, **style: An
 def legend_above(axes: Any, columns: int | None = None, longest: int = _LONGEST_LINE) -> None:
     """Put the legend above the axes: in lines of at most some names, or centred in columns."""
     names = axes.get_legend_handles_labels()[1]
-    count, letters = len(names), max(map(len, names), default=0) + _SAMPLE
-    lines = max(1, -(-count // min(longest, max(1, _LETTERS // letters))))
-    columns_needed = columns or max(1, -(-count // lines))
+    count, letters = len(names), max(map(len, names), default=0)
     crowded = columns is None and count > min(_CROWDED, longest)
+    size = matplotlib.rcParams["legend.fontsize"]
+    entry = size * ((2.5 if crowded else 3.3) + _LETTER * letters)
+    width = 72.0 * axes.get_window_extent().width / axes.figure.dpi
+    lines = max(1, -(-count // min(longest, max(1, int(_BEYOND * width / entry)))))
+    columns_needed = columns or max(1, -(-count // lines))
     axes.legend(
         loc="lower left" if columns is None else "lower center",
         bbox_to_anchor=(0.0 if columns is None else 0.5, 1.0), ncols=columns_needed,
