@@ -12,7 +12,7 @@ from scipy.ndimage import minimum_filter
 import freefloat as ff
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.planning.space.mapping import sample_attitudes
-from freefloat.visualization.figure_style import BLUE, GREY, PALE
+from freefloat.visualization.figure_style import BLUE, LIGHT, PALE
 from freefloat.visualization.figures.map_figures import histogram_figure, slices_figure
 from freefloat.visualization.slices import Mark, map_slices
 
@@ -65,11 +65,11 @@ def test_bars_add_up_to_the_percentages(shown, problem):
         heights = {
             colour: sum(bar.get_height() for bar in axes.patches
                         if bar.get_facecolor() == to_rgba(colour))
-            for colour in (BLUE, GREY)
+            for colour in (BLUE, LIGHT)
         }  # fmt: skip
         percentage = 100.0 * result.feasible[:, branch].mean()
         assert heights[BLUE] == pytest.approx(percentage)
-        assert heights[BLUE] + heights[GREY] == pytest.approx(100.0 * (values > 0.0).mean())
+        assert heights[BLUE] + heights[LIGHT] == pytest.approx(100.0 * (values > 0.0).mean())
         assert f"{percentage:.1f} % keep the margin" in axes.get_title(loc="left")
         assert axes.get_title(loc="left").startswith("shoulder")
         (line,) = axes.get_lines()
