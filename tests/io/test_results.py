@@ -65,6 +65,17 @@ margin: {measure: gjm, fraction: 0.01}
 """
 
 
+def test_a_problem_without_limits_has_none_when_it_is_loaded(tmp_path):
+    line = ff.paths.PolynomialCurve.line([0.9, 0.2, 0.0], [0.6, 0.7, 0.0])
+    problem = ff.Problem("planar_2dof", path=line, duration=20, margin=("gjm", 0.05))
+    for result in (ff.simulate(problem, heading=0.2), ff.attitude_map(problem, 36)):
+        ff.save(result, tmp_path / "result.h5")
+        loaded = ff.load(tmp_path / "result.h5")
+        assert loaded.problem.limits is None
+        assert loaded.to_dict() == result.to_dict()
+
+
+
 @pytest.mark.slow
 def test_a_file_suffices_when_scenario_robot_and_samples_are_gone(tmp_path, monkeypatch):
     """Masses scaled and bodies mounted once, not twice; mesh paths lead where they led."""

@@ -218,6 +218,8 @@ def _decode(kind: ResultKind, tree: Tree, scenario: Scenario) -> Any:
     record = named(kind.record)
     if "search" in record.__dataclass_fields__:
         problem = search.applied_to(problem)
+    if tree.get("limits") is None:  # scenarios have limits: joint ranges, and no contact
+        problem = problem.replace(limits=None)
     context = {Problem: problem, Search: search, Limits: limits}
     return named(kind.codec).decode(record, tree, context)
 
