@@ -307,6 +307,15 @@ def test_recipes_add_what_they_say(name: str, request: pytest.FixtureRequest) ->
     execute(request.getfixturevalue(name), "-c", each)
 
 
+@pytest.mark.parametrize("name", RECIPES)
+def test_a_recipe_applies(name: str) -> None:
+    done = subprocess.run(
+        ["git", "apply", "--check"], input=RECIPES[name], cwd=ROOT, text=True, check=False,
+        capture_output=True,
+    )  # fmt: skip
+    assert done.returncode == 0, f"the patch of the recipe {name!r} needs mending: {done.stderr}"
+
+
 def test_every_recipe_changes_few_files() -> None:
     assert set(RECIPES) == set(USES)
     for name, recipe in RECIPES.items():
