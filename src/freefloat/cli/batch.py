@@ -185,8 +185,7 @@ def _estimate_tables(estimate: StudyEstimate) -> Iterator[RenderableType]:
         yield f"and {study.count - _MAX_ROWS:,} more"
     if (reason := why_run_by_run(study)) is not None:
         yield f"runs on their own, because {reason}"
-    if study.contact_unchecked is not None:
-        yield study.contact_unchecked
+    yield from study.unchecked
     if estimate.run_seconds is not None and estimate.seconds is not None:
         workers = "one worker" if estimate.workers in (None, 1) else f"{estimate.workers} workers"
         files = f", {estimate.files:,} files of {time_text(estimate.file_seconds)}"
@@ -209,8 +208,7 @@ def _result_lines(result: StudyResult) -> Iterator[str]:
     yield f"{study.source}: {runs_text(result.done)} of command {study.content.command}: {counts}"
     if study.branch_rule is not None:
         yield f"arm branch: {study.branch_rule}"
-    if study.contact_unchecked is not None:
-        yield study.contact_unchecked
+    yield from study.unchecked
     if result.feasible_percentage is not None:
         yield f"feasible: {result.feasible_percentage} of the runs without error"
     for reason, count in result.reasons.items():

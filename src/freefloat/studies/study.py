@@ -102,6 +102,13 @@ class Study:
         varied = self.variation.listed.get("limits", [self.base.get("limits")])
         return [limits.get("clearance") if isinstance(limits, dict) else None for limits in varied]
 
+    @property
+    def unchecked(self) -> tuple[str, ...]:
+        """Sentences on what runs do not consider, though somebody may expect it."""
+        limits = self.content.command is Command.TRACK and self.base.get("limits")
+        tracked = "track considers the margin and the path, not the limits of the scenario"
+        return tuple(filter(None, (self.contact_unchecked, tracked if limits else None)))
+
     @cached_property
     def contact_unchecked(self) -> str | None:
         """Why runs do not consider contact, where it is to be said, and what makes them."""
