@@ -129,6 +129,9 @@ def _tables(name: str, simulation: Simulation, why: str, present: Any) -> Iterat
         f"{name}: {completed} of {len(simulation.branches)} arm {kind} follow the whole path; "
         f"{start} {chosen.branch.index} is shown ({why})"
     )
+    timing = problem.path.timing
+    if timing.is_sought:
+        yield f"The duration is {timing.duration:g} s: plan alone finds the fastest timing."
     yield from present_lines(problem, chosen.motion.initial.attitude, present)
     minimum = f"minimum |{problem.margin.measure.title}|"
     branches = table(start, "initial joints [rad, m]", minimum, "verdict")

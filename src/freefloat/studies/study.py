@@ -19,6 +19,7 @@ from freefloat.io.scenario.schema import MarginSection
 from freefloat.io.scenario.yaml import file_keys, validated
 from freefloat.limits.kinds.clearance import have_shapes
 from freefloat.limits.values import OFF
+from freefloat.paths.time_laws import TimeLaw
 from freefloat.motion.problem import Problem
 from freefloat.planning.settings import Search
 from freefloat.robot.model import FreeFloatingModel
@@ -107,7 +108,12 @@ class Study:
         """Sentences on what runs do not consider, though somebody may expect it."""
         limits = self.content.command is Command.TRACK and self.base.get("limits")
         tracked = "track considers the margin and the path, not the limits of the scenario"
-        return tuple(filter(None, (self.contact_unchecked, tracked if limits else None)))
+        timing = self.base.get("timing") or {}
+        timed = timing.get("law") == TimeLaw.OPTIMAL and not timing.get("speeds")
+        optimal = "the duration is the one of the scenario: plan alone finds the fastest timing"
+        simulated = timed and self.content.command in (Command.SIMULATE, Command.TRACK)
+        sentences = self.contact_unchecked, limits and tracked, simulated and optimal
+        return tuple(sentence for sentence in sentences if sentence)
 
     @cached_property
     def contact_unchecked(self) -> str | None:
