@@ -19,8 +19,8 @@ from freefloat.io.scenario.schema import MarginSection
 from freefloat.io.scenario.yaml import file_keys, validated
 from freefloat.limits.kinds.clearance import have_shapes
 from freefloat.limits.values import OFF
-from freefloat.paths.time_laws import TimeLaw
 from freefloat.motion.problem import Problem
+from freefloat.paths.time_laws import TimeLaw
 from freefloat.planning.settings import Search
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.singularities.global_maximum import largest_magnitude

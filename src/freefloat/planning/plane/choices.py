@@ -58,7 +58,7 @@ class RangeChoices:
         return [WidestRange(*self._start(part.middle, branch), part.width / 2.0)]
 
     def nearest(self) -> list[Candidate]:
-        """The nearest heading in ranges that are wide enough for ``spare``."""
+        """The nearest heading in ranges wide enough for ``spare``; of several the deepest."""
         present = self._present
         choices = []
         for branch, part in self._ranges:
@@ -68,10 +68,10 @@ class RangeChoices:
             headings = (present,) if enough else _inner_ends(part, self.spare)
             for heading in headings:
                 deviation = abs(float(wrapped(heading - present)))
-                choices.append((heading % tau, branch, deviation))
+                choices.append((deviation, -part.depth(heading), heading % tau, branch))
         if not choices:
             return []
-        heading, branch, deviation = min(choices, key=lambda choice: choice[2])
+        deviation, _, heading, branch = min(choices)
         return [NearAttitude(*self._start(heading, branch), deviation)]
 
     def present(self) -> list[Candidate]:
