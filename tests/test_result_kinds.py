@@ -108,6 +108,15 @@ def test_each_motion_of_an_answer_is_exported(name: str, tmp_path: Path) -> None
         np.testing.assert_allclose(table[[0, -1], 0], phase.start + phase.motion.times[[0, -1]])
 
 
+@pytest.mark.parametrize("name", ANSWERS)
+def test_a_notebook_shows_what_the_command_prints(name: str) -> None:
+    last = next(phase.motion for phase in result(name).phases if phase.motion is not None)
+    joint = f"{last.initial.joints[0]:.4f}"
+    shown = result(name)._repr_html_()
+    assert shown.startswith("<pre")
+    assert joint in shown or f"{last.final.joints[0]:.4f}" in shown
+
+
 @pytest.mark.parametrize("name", MAPS)
 def test_a_map_is_not_exported(name: str, tmp_path: Path) -> None:
     assert error_key(ff.export, result(name), tmp_path / "map.csv") == "result"

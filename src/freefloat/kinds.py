@@ -97,8 +97,8 @@ class ResultKind:
         scene: Function of a result and a title.
         report: Function of a result and an engine; empty for records that are not saved.
         values: Function of a result that returns the values of a run of a study by column.
-        tables: Function of the name of a scenario, of what ``plan`` finds for it and of whether
-            details are wanted.
+        tables: Function of the name of a scenario, of what was found for it and of whether details
+            are wanted.
         decode: Function of the tree of a file and its scenario, or its robot without a scenario;
             empty for records of a problem, a search and limits.
         codec: Codec of the record.
@@ -131,6 +131,7 @@ RESULT_KINDS = {
         "visualization.scenes.result_scenes:simulation_scene",
         "verification.path_motions:simulation_report",
         "studies.record_values:simulation_values",
+        "cli.simulate:simulation_tables",
     ),
     "goal": ResultKind(
         "beyond.missions.goals.goal_motion:GoalMotion",

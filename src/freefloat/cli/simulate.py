@@ -16,6 +16,7 @@ from freefloat.cli.console import (
     Console,
     contact_lines,
     decimals,
+    limit_lines,
     limit_tables,
     motion_lines,
     present_lines,
@@ -103,7 +104,7 @@ def simulate(
         why = "by --branch"
     elif present is not None and not why:
         why = "closest to search.joints"
-    tables = _tables(scenario, simulation, why or _why_best(simulation), present)
+    tables = simulation_tables(scenario, simulation, why=why, present=present)
     delivery.deliver(simulation, tables, scenario, loaded)
     if phases:
         console.tables(["The first path alone is simulated; plan finds the phases after it, too."])
@@ -121,13 +122,24 @@ def _why_best(simulation: Simulation) -> str:
     return f"largest minimum margin{others}"
 
 
-def _tables(name: str, simulation: Simulation, why: str, present: Any) -> Iterator[RenderableType]:
+def simulation_tables(
+    name: str, simulation: Simulation, verbose: bool = True, *, why: str = "", present: Any = None
+) -> Iterator[RenderableType]:
+    """The arm branches, the motion that is shown, and its limits.
+
+    Args:
+        name: Name of the scenario.
+        simulation: The simulation.
+        verbose: Whether the last state and a table of the limits are shown, too.
+        why: Why this motion is shown.
+        present: Present joints, by name or shape (n,).
+    """
     problem, chosen = simulation.problem, simulation.chosen
     start, kind = ("start", "configurations") if problem.redundant else ("branch", "branches")
     completed = sum(entry.motion.completed for entry in simulation.branches)
     yield (
         f"{name}: {completed} of {len(simulation.branches)} arm {kind} follow the whole path; "
-        f"{start} {chosen.branch.index} is shown ({why})"
+        f"{start} {chosen.branch.index} is shown ({why or _why_best(simulation)})"
     )
     timing = problem.path.timing
     if timing.is_sought:
@@ -143,10 +155,11 @@ def _tables(name: str, simulation: Simulation, why: str, present: Any) -> Iterat
             _verdict(simulation, entry),
         )  # fmt: skip
     yield branches
-    yield from motion_lines(chosen)
+    yield from motion_lines(chosen, verbose)
     if simulation.out_of_reach is not None:
         yield Text(f"  {simulation.out_of_reach}", "red")
-    yield from limit_tables(simulation.limit_results)
+    limits = limit_tables if verbose else limit_lines
+    yield from limits(simulation.limit_results)
     yield from contact_lines(simulation)
 
 

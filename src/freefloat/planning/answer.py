@@ -6,6 +6,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Protocol
 
+from freefloat.kinds import named
 from freefloat.limits.contact import Contact, deepest_contact
 from freefloat.limits.limits import Limits
 from freefloat.limits.result import LimitResult, violated
@@ -162,6 +163,10 @@ class Answer:
 
         def to_dict(self) -> dict[str, Any]:
             """The JSON document."""
+
+    def _repr_html_(self) -> str:
+        """What the command prints, for notebooks."""
+        return str(named("cli.notebook:answer_html")(self))
 
     @property
     def violation(self) -> str:

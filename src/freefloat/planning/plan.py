@@ -4,11 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from html import escape
 from typing import Any, ClassVar
 
 from freefloat.certificate.certificate import Certificate
-from freefloat.dynamics.measures import measure_title
 from freefloat.limits.contact import Contact
 from freefloat.limits.limits import Limits
 from freefloat.limits.result import LimitResult
@@ -154,26 +152,3 @@ class Plan(Answer):
             "heading_deg": degrees(self.heading),
             "certificate": None if self.certificate is None else self.certificate.to_dict(),
         }
-
-    def _repr_html_(self) -> str:
-        """The result, the start of the motion and the limits as a table, for notebooks."""
-        rows = {"feasible" if self.feasible else "not feasible": self.reason}
-        if self.chosen is not None:
-            closest = self.chosen.closest_approach
-            title = measure_title(closest.measure)
-            attitude = self.chosen.motion.initial.attitude
-            rows |= {
-                "attitude x y z w": " ".join(f"{value:.5f}" for value in attitude),
-                "arm": self.chosen.title,
-                f"minimum |{title}|": f"{closest.value:.6g} at {closest.time:.4f} s",
-            }
-        if self.robust_radius is not None:
-            rows["attitude tolerance"] = f"{degrees(self.robust_radius):.4f} deg"
-        rows |= {
-            result.limit: "kept" if result.kept else f"violated at {result.time:.4f} s"
-            for result in self.limit_results
-        }
-        if self.contact is not None:
-            rows["warning"] = str(self.contact)
-        cells = (f"<tr><th>{escape(k)}</th><td>{escape(v)}</td></tr>" for k, v in rows.items())
-        return f"<table>{''.join(cells)}</table>"
