@@ -75,7 +75,6 @@ def test_a_problem_without_limits_has_none_when_it_is_loaded(tmp_path):
         assert loaded.to_dict() == result.to_dict()
 
 
-
 @pytest.mark.slow
 def test_a_file_suffices_when_scenario_robot_and_samples_are_gone(tmp_path, monkeypatch):
     """Masses scaled and bodies mounted once, not twice; mesh paths lead where they led."""
