@@ -67,7 +67,7 @@ class Problem(BranchesOnPath):
             their masses and inertias belong to it.
         arms: Joint curves of further arms that move along these, by name.
         limits: :class:`~freefloat.limits.limits.Limits` that functions keep or check unless others
-            are given; None for none. The problem of a scenario has those of the scenario.
+            are given; None for none, not even joint ranges. The problem of a scenario has its own.
 
     Example:
         >>> line = ff.paths.PolynomialCurve.line([0.9, 0.2, 0.0], [0.6, 0.7, 0.0])
