@@ -15,7 +15,7 @@ STUDY = """\
 base: planar_3dof/parabola              # a scenario: a file, or a bundled name
 command: simulate                       # of every run: plan, map or simulate
 heading_deg: 161.2                      # just inside its range
-branch: 0
+start: {branch: 0}
 cases: 6
 seed: 1
 vary:                                   # any keys of the scenario: lists, grids, random draws

@@ -68,7 +68,7 @@ def test_the_notebook_runs_the_example_of_the_readme(monkeypatch: pytest.MonkeyP
     printed = iter(captured.stdout.splitlines())  # with the texts of plan and figure in between
     assert all(line in printed for line in example.shown.splitlines())
     assert "<iframe" in captured.outputs[0].data["text/html"]
-    assert "<table" in shown[0]["text/html"]
+    assert "Motion of branch" in shown[0]["text/html"]
     assert {"image/png", "image/svg+xml"} & {*shown[1]}
 
 

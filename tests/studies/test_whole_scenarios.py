@@ -280,10 +280,11 @@ def test_all_reasons_are_said_together(tmp_path: Path) -> None:
     ]  # fmt: skip
     for answer in answers:
         assert [word for word in words if word not in answer] == []
-    random = a_spatial_study(tmp_path, VARY | {"path.line.to.0": {"uniform": [0.3, 0.35]}},
+    key = "path.attitude.fixed.rpy.1"
+    random = a_spatial_study(tmp_path, VARY | {key: {"uniform": [1.5, 1.6]}},
                              base=base, files="all")  # fmt: skip
     reason = str(why_run_by_run(random))
-    words = ("path.line.to.0", "files", "fraction_of")
+    words = (key, "files", "fraction_of")
     assert [word for word in words if word not in reason] == []
 
 

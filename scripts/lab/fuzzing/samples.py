@@ -67,6 +67,7 @@ STUDY: dict[str, Any] = {
 START: dict[str, Any] = {
     "base": "base.yaml",
     "command": "simulate",
+    "start": {"branch": "best"},
     "vary": {
         "attitude": {"so3": {"center": [0, 0, 0, 1], "angle_deg": 20}},
         "robot.urdf": {"list": ["planar_3dof.urdf", "spatial_6dof.urdf"]},

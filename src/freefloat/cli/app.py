@@ -48,13 +48,20 @@ class _Commands(TyperGroup):
         words = list(options.get("args") or sys.argv[1:])
         try:
             status = super().main(*args, **(options | {"standalone_mode": False}))
+            sys.stdout.flush()
         except (typer.Abort, KeyboardInterrupt):
             status = INTERRUPTED
+        except BrokenPipeError:  # of the last lines
+            status = DONE
         except Exception as error:  # of any kind: none may reach the user as a traceback
             status = _report(error, as_json="--json" in words, debug="--debug" in words)
         if status == INTERRUPTED:
             with suppress(OSError):  # of a terminal that hung up
                 say("interrupted")
+        try:
+            sys.stdout.flush()
+        except OSError:  # of a full disk, or a pipe that was closed: nothing is left to be written
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(status or DONE)
 
 

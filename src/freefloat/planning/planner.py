@@ -40,7 +40,8 @@ def plan(
             problem when left out.
         stretch: Whether the duration may grow until rates and torques keep their limits.
         threads: Number of cores to use; all available ones when left out.
-        progress: Called with the fraction done, in [0, 1]; not where ranges of heading are exact.
+        progress: Called with the fraction done, in [0, 1]; where ranges of heading are exact, at
+            the end alone.
 
     Returns:
         The plan; an infeasible one has the reason.
