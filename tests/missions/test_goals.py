@@ -268,3 +268,11 @@ def test_a_reorientation_keeps_cones_and_torques() -> None:
     states = result.motion.sample(np.linspace(0.0, result.duration, 50))
     torques = [effort(x.time, x.attitude, x.joints).joint_torques for x in states]
     assert np.abs(torques).max() <= 0.05 * (1.0 + 1e-6)
+
+
+def test_one_number_limits_the_rates_of_all_joints() -> None:
+    system = ff.load_scenario("planar_2dof/line").problem().system
+    state, goal = ([0.0, 0.0, 0.0, 1.0], [0.2, 0.8]), ff.Goal(joints=[0.6, 0.9])
+    one, each = (ff.move(system, state, goal, ff.Limits(joint_rate=r)) for r in (0.3, [0.3, 0.3]))
+    assert one.feasible
+    assert one.to_dict() == each.to_dict()

@@ -48,11 +48,10 @@ class _Commands(TyperGroup):
         words = list(options.get("args") or sys.argv[1:])
         try:
             status = super().main(*args, **(options | {"standalone_mode": False}))
-            sys.stdout.flush()
+            with suppress(BrokenPipeError):
+                sys.stdout.flush()
         except (typer.Abort, KeyboardInterrupt):
             status = INTERRUPTED
-        except BrokenPipeError:  # of the last lines
-            status = DONE
         except Exception as error:  # of any kind: none may reach the user as a traceback
             status = _report(error, as_json="--json" in words, debug="--debug" in words)
         if status == INTERRUPTED:

@@ -119,17 +119,18 @@ def root_masses(robot: RobotDescription, mounted: bool) -> Faults:
     masses = {first: _mass(robot, group) for first, group in robot.rigid_groups.items()}
     moving = sum(mass for first, mass in masses.items() if first not in robot.roots)
     for root in robot.roots if robot.joints else ():
-        problem, remedy = "", "robot.spacecraft in a scenario, or an <inertial> in this link"
-        if mounted and masses[root] > moving:
-            problem = f"the root link has {masses[root]:.4g} kg, what it carries {moving:.4g} kg"
-            remedy = "no robot.spacecraft, which is added to it, if this is a spacecraft already"
-        elif not mounted and masses[root] == 0.0:
+        mass = masses[root]
+        if mass == 0.0 and not mounted:
             problem = "the root link and what is fixed to it have no mass"
-        elif not mounted and masses[root] < moving:
-            problem = f"the root link has {masses[root]:.4g} kg, what it carries {moving:.4g} kg"
+            remedy = "robot.spacecraft in a scenario, or an <inertial> in this link"
+        elif mass > moving if mounted else mass < moving:
+            problem = f"the root link has {mass:.4g} kg, what it carries {moving:.4g} kg"
             remedy = "robot.spacecraft in a scenario, if this is the foot of an arm"
-        if problem:
-            yield Fault(robot.links_by_name[root], "link", problem, remedy)
+            if mounted:
+                remedy = "no robot.spacecraft, which is added, if this is a spacecraft already"
+        else:
+            continue
+        yield Fault(robot.links_by_name[root], "link", problem, remedy)
 
 
 def _mass(robot: RobotDescription, group: RigidGroup) -> float:

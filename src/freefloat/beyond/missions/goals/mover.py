@@ -20,7 +20,7 @@ from freefloat.beyond.missions.goals.violations import ShapeLimits, StateLimits
 from freefloat.concurrency import Progress, step_of
 from freefloat.dynamics.system import System
 from freefloat.errors import InputError, require_type, seed_number
-from freefloat.limits.limits import Limits
+from freefloat.limits.limits import Limits, limits_for
 from freefloat.limits.values import OFF
 from freefloat.motion.motion import Motion
 from freefloat.scene.scene import Scene
@@ -109,7 +109,8 @@ def _posed(
     attitude = unit_quaternion("state.attitude", state[0])
     joints = system.model.joint_vector(state[1], "state.joints")
     problem = goal_problem(system, attitude, joints, goal, scene)
-    return Query(problem, GoalStart(attitude, joints, np.zeros_like(joints)), goal, limits)
+    kept = limits_for(problem, limits) or limits
+    return Query(problem, GoalStart(attitude, joints, np.zeros_like(joints)), goal, kept)
 
 
 def move_from(query: Query, *, seed: int = 0, progress: Progress | None = None) -> GoalMotion:
