@@ -35,7 +35,7 @@ ff.figures(manoeuvre)["manoeuvre"].savefig("manoeuvre.png", dpi=150)
 print("drawn: manoeuvre.png")
 
 # All phases are integrated again and simulated with MuJoCo, and each begins where another ends.
-ff.save(manoeuvre, "manoeuvre.h5", scenario)
+ff.save(manoeuvre, "manoeuvre.h5")
 print(f"verified: {ff.check(ff.load('manoeuvre.h5'), 'mujoco').passed}")
 
 # Velocities match at contact, so there is no impulse; the client brings its momentum along.

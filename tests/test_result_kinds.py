@@ -7,7 +7,6 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
 import pytest
 import yaml
@@ -63,37 +62,26 @@ def kind(request: pytest.FixtureRequest) -> str:
 
 
 def test_a_result_is_saved_and_loaded(kind: str, tmp_path: Path) -> None:
-    """With the scenario that poses its problem, and without."""
-    ff.save(result(kind), tmp_path / "result.h5", scenario())
+    ff.save(result(kind), tmp_path / "result.h5")
     loaded = ff.load(tmp_path / "result.h5")
     assert (type(loaded), loaded.kind) == (type(result(kind)), kind)
     assert loaded.to_dict() == result(kind).to_dict()
     if kind != "singularity map":
-        kept = archived(tmp_path / "result.h5") == scenario().text
-        assert kept is (kind in ("plan", "motion", "manoeuvre"))
         start = loaded.problem.start_joints
         np.testing.assert_array_equal(start, result(kind).problem.start_joints)
-    given = scenario() if kind == "manoeuvre" else None
-    ff.save(loaded, tmp_path / "again.h5", given)
+    ff.save(loaded, tmp_path / "again.h5")
     assert ff.load(tmp_path / "again.h5").to_dict() == loaded.to_dict()
 
 
 @pytest.mark.parametrize("change", [{"limits": ff.Limits()}, {"search": ff.Search(samples=99)}])
-def test_the_problem_of_a_result_is_described_where_a_scenario_poses_another(
+def test_a_file_has_the_search_and_the_limits_of_its_result(
     change: dict[str, Any], tmp_path: Path
 ) -> None:
     changed = replace(result("plan"), **change)
-    ff.save(changed, tmp_path / "plan.h5", scenario())
+    ff.save(changed, tmp_path / "plan.h5")
     loaded = ff.load(tmp_path / "plan.h5")
-    assert archived(tmp_path / "plan.h5") != scenario().text
     assert loaded.search.samples == changed.search.samples
     assert loaded.limits.base_rate == changed.limits.base_rate
-
-
-def archived(file: Path) -> str:
-    """The scenario in a result file."""
-    with h5py.File(file) as tree:
-        return str(tree["scenario"].asstr()[()])
 
 
 @pytest.mark.parametrize("name", ANSWERS)

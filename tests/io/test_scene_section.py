@@ -83,12 +83,11 @@ def test_a_problem_describes_its_scene(scenario):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("given", [True, False])
-def test_a_result_file_needs_no_urdf_of_the_scene(scenario, given):
+def test_a_result_file_needs_no_urdf_of_the_scene(scenario):
     problem = scenario.problem()
     attitude = [0.46008, 0.09337, 0.73519, -0.48898]
     simulation = ff.simulate(problem, attitude, limits=scenario.limits())
-    ff.save(simulation, "motion.h5", scenario if given else None)
+    ff.save(simulation, "motion.h5")
     Path("client.urdf").unlink()
     loaded = ff.load("motion.h5")
     np.testing.assert_allclose(distances(loaded.chosen.motion.problem), distances(problem),

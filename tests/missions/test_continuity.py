@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-import yaml
 from scipy.spatial.transform import Rotation
 
 import freefloat as ff
@@ -64,22 +63,14 @@ def joins(manoeuvre: Manoeuvre) -> int:
     return len(moving) - 1
 
 
-def checked(found: Manoeuvre, scenario: Scenario, folder: Path) -> Manoeuvre:
-    """A manoeuvre as it is after saving and loading; where it is feasible, ``check`` passes.
-
-    With another scenario, or none, files describe what was planned.
-    """
+def checked(found: Manoeuvre, folder: Path) -> Manoeuvre:
+    """A manoeuvre as it is after saving and loading; where it is feasible, ``check`` passes."""
     file = folder / "manoeuvre.h5"
-    ff.save(found, file, scenario)
-    content = yaml.safe_load(scenario.text)
-    late = {**content["phases"][-1], "duration": 99.0}
-    changed = ff.load_scenario(content | {"phases": [*content["phases"][:-1], late]})
+    ff.save(found, file)
     (folder / SAMPLES).unlink()  # the file holds them
-    for other in (changed, None):
-        loaded = ff.load(file)
-        assert loaded.to_dict()["reason"] == found.reason
-        ff.save(loaded, file, other)
+    ff.save(ff.load(file), file)
     loaded = ff.load(file)
+    assert loaded.to_dict()["reason"] == found.reason
     if found.feasible:
         # the stand-ins for plans lack these, and state nothing that is false
         missing = {entry.name: entry.stated for entry in ff.check(loaded).discrepancies}
@@ -181,4 +172,4 @@ def test_phases_of_random_manoeuvres_join(seed: int, tmp_path: Path, monkeypatch
         reorient=scenario.content.search.reorient,
     )  # fmt: skip
     assert found.feasible, found.reason
-    assert joins(found) == joins(checked(found, scenario, tmp_path)) > 1
+    assert joins(found) == joins(checked(found, tmp_path)) > 1

@@ -185,7 +185,7 @@ def test_an_arm_on_a_joint_curve_rests_in_later_phases(tmp_path):
     scenario = ff.load_scenario(PLANAR | phases)
     problem, following, limits = scenario.problem(), scenario.phases(), scenario.limits()
     planned = ff.plan_manoeuvre(problem, following, scenario.search(), limits)
-    ff.save(planned, tmp_path / "plan.h5", scenario)
+    ff.save(planned, tmp_path / "plan.h5")
     loaded = ff.load(tmp_path / "plan.h5")
     assert ff.check(loaded, "mujoco").passed
     path, rest = trajectories(loaded, Format.CSV, 3).values()  # have both arms

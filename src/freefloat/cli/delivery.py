@@ -5,15 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from rich.console import RenderableType
 
 from freefloat.cli.console import Console, say
 from freefloat.cli.options import prepare_outputs
-
-if TYPE_CHECKING:
-    from freefloat.io.scenario.scenario import Scenario
 
 
 @dataclass(frozen=True)
@@ -43,7 +40,6 @@ class Delivery:
         result: Any,
         tables: Iterable[RenderableType],
         name: str,
-        scenario: Scenario | None = None,
         document: dict[str, Any] | None = None,
     ) -> None:
         """Print a result and write its files.
@@ -52,14 +48,13 @@ class Delivery:
             result: The result.
             tables: Its tables and lines.
             name: Title of the page without a result file.
-            scenario: What it was computed from.
             document: Its JSON document; by default its own.
         """
         document = result.to_dict() if document is None else document
-        self.console.tables(_not_read(name, scenario))
+        self.console.tables(_not_read(name, result))
         self.console.tables(tables)
         if self.output is not None:
-            self._save(result, self.output, scenario)
+            self._save(result, self.output)
         if self.html is not None:
             title = name if self.output is None else self.output.stem
             document["html"] = self._write_page(result, self.html, title)
@@ -69,10 +64,10 @@ class Delivery:
             document["plots"] = self._draw(result, self.plots)
         self.console.json(document)
 
-    def _save(self, result: Any, output: Path, scenario: Scenario | None) -> None:
+    def _save(self, result: Any, output: Path) -> None:
         from freefloat.io.records.results import save  # HDF5 is slow to import
 
-        save(result, output, scenario)
+        save(result, output)
         contact = getattr(result, "contact", None)
         if not (self.console.quiet or self.console.as_json):
             say(f"{output} was written" + ("" if contact is None else f", although {contact}"))
@@ -99,9 +94,10 @@ class Delivery:
         return [str(file) for file in files]
 
 
-def _not_read(name: str, scenario: Scenario | None) -> Iterator[str]:
+def _not_read(name: str, result: Any) -> Iterator[str]:
     """One line on how much of a robot file freefloat does not use."""
-    count = 0 if scenario is None else len(scenario.model().not_read)
+    problem = getattr(result, "problem", None)  # of a map of joint space there is none
+    count = 0 if problem is None else len(problem.model.not_read)
     if count:
         entries = "entry of its robot file is" if count == 1 else "entries of its robot file are"
         yield f"{name}: {count} {entries} not used; freefloat info {name} lists what"

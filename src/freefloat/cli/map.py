@@ -108,7 +108,7 @@ def map_(
             progress=progress,
         )  # fmt: skip
     tables: Any = _heading_tables if problem.has_headings else _attitude_tables
-    delivery.deliver(result, tables(scenario, result), scenario, loaded)
+    delivery.deliver(result, tables(scenario, result), scenario)
     raise typer.Exit(DONE if result.feasible_found else NEGATIVE)
 
 

@@ -79,7 +79,7 @@ def plan(
     with console.progress("integrating motions") as progress:
         result = loaded.plan(stretch=stretch, threads=threads, progress=progress)
     tables = named(kind_of(result).tables)(scenario, result, verbose)
-    delivery.deliver(result, tables, scenario, loaded)
+    delivery.deliver(result, tables, scenario)
     raise typer.Exit(DONE if result.feasible else NEGATIVE)
 
 

@@ -105,7 +105,7 @@ def simulate(
     elif present is not None and not why:
         why = "closest to search.joints"
     tables = simulation_tables(scenario, simulation, why=why, present=present)
-    delivery.deliver(simulation, tables, scenario, loaded)
+    delivery.deliver(simulation, tables, scenario)
     if phases:
         console.tables(["The first path alone is simulated; plan finds the phases after it, too."])
     kept = not simulation.violation

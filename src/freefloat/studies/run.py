@@ -14,7 +14,6 @@ from typing import Any
 from freefloat.errors import FreeFloatError, InputError
 from freefloat.io.files import file_errors, written_beside
 from freefloat.io.records.results import save
-from freefloat.io.scenario.scenario import Scenario
 from freefloat.kinds import STUDY_COMMANDS, named
 from freefloat.motion.problem import Problem
 from freefloat.planning.simulation import simulate
@@ -81,7 +80,7 @@ def execute(study: PortableStudy, number: int, save_file: bool = False) -> RunRe
     try:
         values, record = _computed(study.here, number)
         if save_file and record is not None:
-            content = _file_content(record, study.here.scenario(number))
+            content = _file_content(record)
     except InputError as error:
         of_study = None
         if error.source in (None, str(study.here.base_source.absolute())):
@@ -154,8 +153,8 @@ def with_arm_branch(
     return problem, None if nearest is None else nearest.index
 
 
-def _file_content(record: Any, scenario: Scenario) -> bytes:
+def _file_content(record: Any) -> bytes:
     with tempfile.TemporaryDirectory(prefix="freefloat-") as folder:
         file = Path(folder) / "result.h5"
-        save(record, file, scenario)
+        save(record, file)
         return file.read_bytes()

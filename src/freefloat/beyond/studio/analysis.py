@@ -78,12 +78,12 @@ class Analysis(ABC):
             content = motion_answer(motion, self._playback, title, outcome)
         return WorkerAnswer("motion", {**content, "choice": state.choice})
 
-    def _saved(self, result: Any, file: Path, scenario: Scenario | None) -> WorkerAnswer:
+    def _saved(self, result: Any, file: Path) -> WorkerAnswer:
         """Save a result, unless it is infeasible, to a file that does not exist yet."""
         if not result.feasible:
             return WorkerAnswer("saved", {"refused": f"not saved: {result.reason}"})
         file = _free(file)
-        save(result, file, scenario)
+        save(result, file)
         contact = None if result.contact is None else str(result.contact)
         return WorkerAnswer(
             "saved", {"file": str(file), "reason": result.reason, "contact": contact}

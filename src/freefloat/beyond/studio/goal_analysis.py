@@ -56,7 +56,7 @@ class GoalAnalysis(Analysis):
         """Save the motion that was found."""
         if self._found is None:
             return WorkerAnswer("saved", {"refused": "not saved: no motion was found"})
-        return self._saved(self._found, file, self._scenario)
+        return self._saved(self._found, file)
 
     def _sketch(self, state: WorkerState) -> WorkerAnswer:
         """A motion to the goal that limits may forbid; never abandoned, so that drags show some."""

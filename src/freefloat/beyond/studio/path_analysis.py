@@ -143,4 +143,4 @@ class PathAnalysis(Analysis):
                 within=None, spare=0.0,
             )  # fmt: skip
         result = plan(problem, search, self._limits)
-        return self._saved(result, file, None if self._scenario.has_phases else self._scenario)
+        return self._saved(result, file)

@@ -48,14 +48,12 @@ _INVALID = (InputError, KeyError, ValueError, IndexError, TypeError, AttributeEr
 """Errors of a file whose content does not fit together."""
 
 
-def save(result: Any, path: str | Path, scenario: Scenario | None = None) -> None:
+def save(result: Any, path: str | Path) -> None:
     """Write a result to a file: whole, or not at all.
 
     Args:
         result: A plan, a simulation, a motion to a goal, a manoeuvre or a map.
         path: The file; replaced if it exists.
-        scenario: The scenario that the result was computed from. If it poses the problem of the
-            result, its text is written, with comments; else the problem is described.
 
     Raises:
         InputError: If the file cannot be written, or scenario files cannot describe the path of
@@ -71,7 +69,7 @@ def save(result: Any, path: str | Path, scenario: Scenario | None = None) -> Non
     require_result_name(path)
     codec = named(kind_of(result, saved=True).codec)
     problem = getattr(result, "problem", None)
-    described = None if problem is None else _describe(result, scenario)
+    described = None if problem is None else _describe(result)
     holder: Any = problem or result
     model = holder.model
 
@@ -81,27 +79,11 @@ def save(result: Any, path: str | Path, scenario: Scenario | None = None) -> Non
     write_hdf5(path, tree | {"result": codec.encode(result)})
 
 
-def _describe(result: Any, scenario: Scenario | None) -> Scenario:
-    """The given scenario if it poses the problem of a result, else a description of the problem."""
-    problem, phases = result.problem, getattr(result, "following", ())
-    reorient = getattr(result, "reorient", False)
-    search = getattr(result, "search", None)
-    limits = getattr(result, "limits", None)
-    described = scenario_of(problem, search, limits, phases, reorient=reorient)
-    if scenario is None or scenario.content.goal is not None:
-        return described
-    if scenario.model() is not problem.model or not scenario.content.robot.has_own_curves:
-        return described
-    posed = scenario_of(
-        scenario.problem(),
-        None if search is None else scenario.search(),
-        None if limits is None else scenario.limits(),
-        scenario.phases() if phases else (),
-        reorient=reorient and scenario.content.search.reorient,
-    )
-    if posed.text != described.text:
-        return described
-    return replace(scenario, shapes=described.shapes)
+def _describe(result: Any) -> Scenario:
+    """A scenario that poses the problem of a result."""
+    search, limits = getattr(result, "search", None), getattr(result, "limits", None)
+    phases, reorient = getattr(result, "following", ()), getattr(result, "reorient", False)
+    return scenario_of(result.problem, search, limits, phases, reorient=reorient)
 
 
 def _software() -> Tree:

@@ -13,7 +13,6 @@ from pydantic import Field
 from freefloat.errors import InputError
 from freefloat.io.scenario.arms_section import (
     ArmSection,
-    JointsLaw,
     moving_arms,
     paths_of_arms,
 )
@@ -163,14 +162,6 @@ class RobotSection(Section):
     def moving_arms(self) -> dict[str, str]:
         """End-effector links of further arms that move, by name."""
         return moving_arms(self.arms)
-
-    @property
-    def has_own_curves(self) -> bool:
-        """Whether the text of the scenario has the joint curves of all arms, if any moves."""
-        return not any(
-            isinstance(arm.law, JointsLaw) and isinstance(arm.law.joints, str)
-            for arm in self.arms.values()
-        )
 
     def source(self, scenario: Path) -> RobotSource:
         """The file of the robot, before anything is assembled with it.
