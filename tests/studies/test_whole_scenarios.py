@@ -190,8 +190,16 @@ def test_rates_turn_and_pointing_are_limited_without_precise_motions(
         assert_same(row, simulation)
 
 
-@pytest.mark.parametrize("limits", [{"joint_torque": 0.012}, {"clearance": 0.0137}])
-def test_torques_and_clearances_are_limited_on_recorded_motions(
+@pytest.mark.parametrize(
+    "limits",
+    [
+        {"joint_torque": 0.012},
+        {"joint_acceleration": 0.0127},
+        {"joint_jerk": 0.01},
+        {"clearance": 0.0137},
+    ],
+)
+def test_some_limits_are_asked_of_recorded_motions(
     limits: dict[str, float], tmp_path: Path
 ) -> None:
     """Of motions that keep all other limits; the robots differ in masses."""
@@ -225,26 +233,21 @@ def test_bounds_of_limits_and_of_the_margin_vary_at_random(tmp_path: Path) -> No
         assert_same(row, simulation)
 
 
-def test_limits_of_planar_arms_and_those_that_only_precise_motions_show(tmp_path: Path) -> None:
-    """Runs that violate what ensembles know need no precise motion, others do."""
-    limits = {"joint_rate": 0.07, "base_turn_deg": 40.0}
-    corridor = {"point": [0.0, 0.0, 0.0], "axis": [1.0, 0.0, 0.0], "radius": 100.0}
+def test_the_corridor_is_asked_of_recorded_motions(tmp_path: Path) -> None:
+    """Its axis is inertial; the arm is planar, and the ends of its path vary."""
+    corridor = {"point": [0.0, 0.0, 0.0], "axis": [1.0, 0.0, 0.0], "radius": 0.4}
+    line = {"line": {"from": [2.0, 0.0, 0.0], "to": [1.4, 0.4, 0.0]}}
     vary = {"momentum.2": {"uniform": [-1.0, 1.5]}, "timing.duration": {"uniform": [50, 200]},
-            "heading_deg": {"uniform": [130.0, 230.0]}}  # fmt: skip
-    base = PLANAR | {"limits": limits, "scene": {"corridor": corridor}}
-    study = a_study(tmp_path, vary, base=base, cases=60, files="none", start={"branch": 1})
-    reason = str(why_run_by_run(study))
-    assert "corridor" in reason
-    assert "joint_rate" not in reason
-    rows, pairs = rows_and_simulations(study, tmp_path / "out", 5)
-    assert {row["decided_by"] for row in rows} > {"motion"}
-    for row in rows:
-        kept = row["completed"] and row["margin"] >= row["margin_required"]
-        if row["decided_by"] != "motion" and kept:
-            assert max(row["limits.joint_rate"], row["limits.base_turn"]) > 1.0
-            assert row["limits_kept"] is False
+            "path.line.to.1": {"uniform": [0.3, 0.5]}}  # fmt: skip
+    base = PLANAR | {"scene": {"corridor": corridor}, "limits": {"joint_rate": 0.07},
+                     "path": line | {"attitude": {"fixed": {"rpy": [0.0, 0.0, 0.5]}}}}  # fmt: skip
+    study = a_study(tmp_path, vary, base=base, cases=64, files="none", heading_deg=200.0)
+    assert why_run_by_run(study) is None
+    rows, pairs = rows_and_simulations(study, tmp_path / "out", 8)
+    ratios = [row["limits.corridor"] for row in rows if row["limits.corridor"] is not None]
+    assert min(ratios) < 1.0 < max(ratios)
     for row, simulation in pairs:
-        assert row["verdict"] == ("feasible" if simulation.feasible else "infeasible")
+        assert_same(row, simulation)
 
 
 def test_where_headings_vary_the_best_arm_branch_of_each_run_keeps_the_limits(

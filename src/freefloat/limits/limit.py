@@ -56,6 +56,10 @@ class Limit(ABC, Generic[Bound]):
         bound = cls.bound_of(problem, limits)
         return None if bound is None else cls(problem, bound)
 
+    def places(self, problem: Problem) -> tuple[str, ...]:
+        """What ``where`` of its results may be: joints, unless it is a limit of other things."""
+        return problem.model.joint_names
+
     @abstractmethod
     def worst(self, motion: Motion) -> LimitResult:
         """The result at the instant at which a motion is nearest to the bound, or beyond it."""

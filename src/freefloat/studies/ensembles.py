@@ -38,7 +38,7 @@ from freefloat.studies.study import Study
 CHUNK = 4096
 """Runs that are integrated and stored together."""
 _SLOW_CHUNK = 64
-"""Runs of a chunk where bodies are compared, which takes far longer than all else."""
+"""Runs of a chunk with limits that are asked of one motion after the other."""
 
 
 def chunks(study: Study, missing: IntArray, size: int | None = None) -> Iterator[Chunk]:
@@ -52,7 +52,7 @@ def chunks(study: Study, missing: IntArray, size: int | None = None) -> Iterator
     if command := STUDY_COMMANDS.get(study.content.command):
         yield from named(command.chunks)(study, missing)
         return
-    size = size or (_SLOW_CHUNK if study.compares_bodies else CHUNK)
+    size = size or (_SLOW_CHUNK if study.has_slow_limits else CHUNK)
     groups = group_numbers(study)
     _, first_runs = np.unique(groups, return_index=True)
     first_of = dict(zip(groups[first_runs].tolist(), first_runs.tolist(), strict=True))

@@ -88,7 +88,8 @@ class Group:
         fractions = 1.0 / ratios.pop(disturbances.FRACTION, np.ones(len(numbers)))
         robots = self.robot.robots(values, numbers)
         limits = dict(zip(self.limit_names, self.limit_places, strict=True))
-        limits.pop("clearance", None)  # whose bound chooses the pairs of bodies
+        for limit in self.recorded.along:  # their bounds are the same in all runs
+            limits.pop(limit.name)
         scales = disturbances.limit_scales(ratios, limits, self.limits.attitude.pointing)
         disturbed = equivalents(self.problem, len(numbers), **arrays, robots=robots, scales=scales)
         if attitudes is None:
@@ -104,13 +105,7 @@ class Group:
         if joints is None and self.study.arm_start.joints is not None:
             joints = self.study.joints_near(attitudes)
         motions = integrate_disturbed(
-            disturbed,
-            attitudes,
-            thresholds,
-            self.branch,
-            joints,
-            threads,
-            limits=self.limits,
+            disturbed, attitudes, thresholds, self.branch, joints, threads, limits=self.limits
         )
         if self.recorded.names:
             motions = self._with_recorded(disturbed, motions, threads)

@@ -10,8 +10,9 @@ from freefloat.ensemble.known_limits import KNOWN, KnownLimits
 from freefloat.ensemble.simulate_many import simulate_many
 from freefloat.errors import MissingNumbaError
 from freefloat.io.scenario.scenario import Scenario
+from freefloat.limits.kinds.corridor import CorridorLimit
 from freefloat.limits.limits import GIVEN
-from freefloat.limits.recorded_limits import RECORDED, RecordedLimits
+from freefloat.limits.recorded_limits import RecordedLimits
 from freefloat.motion.pointing import AttitudeLimits
 from freefloat.so3 import Array
 
@@ -29,19 +30,20 @@ def limits_of_runs(
     limits, problem = scenario.limits(), scenario.problem()
     bounds = {kind.name: getattr(limits, kind.name) for kind in GIVEN}
     given = {
-        name: bound for name, bound in bounds.items()
+        name for name, bound in bounds.items()
         if bound is not None and np.size(bound) > 0 and not isinstance(bound, str)
     }  # fmt: skip
-    shown = {} if mounts or (moved and problem.scene.bodies) else given
-    recorded = RecordedLimits(problem, *(shown.get(name) for name in RECORDED))
-    _ = recorded.places  # or the error of shapes that cannot be used
+    if problem.scene.corridor is not None:
+        given.add(CorridorLimit.name)
+    recorded = (
+        RecordedLimits(problem) if mounts else RecordedLimits.of(problem, limits, moved=moved)
+    )
     attitude = AttitudeLimits(
         pointing=() if mounts else limits.pointing, base_turn=limits.base_turn
     )
     known = KnownLimits(problem.model, limits.joint_rate, limits.base_rate, attitude)
     seen = {*KNOWN, *recorded.names} - ({"pointing"} if mounts else set())
-    corridor = () if problem.scene.corridor is None else ("corridor",)
-    return known, recorded, (*sorted(given.keys() - seen), *corridor)
+    return known, recorded, tuple(sorted(given - seen))
 
 
 def chosen_joints(scenario: Scenario, attitude: Array) -> Array:

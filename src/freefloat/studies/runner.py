@@ -228,7 +228,7 @@ class _Execution:
             from freefloat.studies.scheduler import completed_by_scheduler, computed_by_worker
 
             tasks = completed_by_scheduler(computed_by_worker, self.sent, todo, self.scheduler)
-        elif study.compares_bodies and self.workers > 1:
+        elif study.has_slow_limits and self.workers > 1:
             work = partial(computed, threads=1)
             tasks = completed_in_pool(work, self.sent, [*todo], self.workers)
         else:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -100,8 +101,12 @@ class Study:
         """What runs state of clearance; None for nothing."""
         if CLEARANCE in self.content.vary:
             return self.variation.listed.get(CLEARANCE, [0.0])
-        varied = self.variation.listed.get("limits", [self.base.get("limits")])
-        return [limits.get("clearance") if isinstance(limits, dict) else None for limits in varied]
+        return [limits.get("clearance") for limits in self._sections("limits")]
+
+    def _sections(self, key: str) -> list[dict[str, Any]]:
+        """What runs state in a section of the scenario."""
+        sections = self.variation.listed.get(key, [self.base.get(key)])
+        return [section if isinstance(section, dict) else {} for section in sections]
 
     @property
     def unchecked(self) -> tuple[str, ...]:
@@ -128,9 +133,12 @@ class Study:
         return _CONTACT_UNCHECKED if touching else None
 
     @property
-    def compares_bodies(self) -> bool:
-        """Whether simulations may have a clearance, which takes far longer than other limits."""
-        return any(clearance not in (None, False, OFF) for clearance in self._clearances)
+    def has_slow_limits(self) -> bool:
+        """Whether simulations may have limits that are asked of one motion after the other."""
+        if any(clearance not in (None, False, OFF) for clearance in self._clearances):
+            return True
+        stated = {*chain(*self._sections("limits"), *self._sections("scene"))}
+        return bool(stated & {"joint_acceleration", "joint_jerk", "corridor"})
 
     @cached_property
     def base_robot(self) -> FreeFloatingModel:

@@ -15,6 +15,9 @@ from freefloat.motion.problem import Problem
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.scene.scene import Scene
 
+_NO_PAIR = "no pair"
+"""What is compared where no two bodies can touch."""
+
 
 class ClearanceLimit(Limit[float]):
     """Distance between bodies that no joint connects, and between robot and scene.
@@ -64,6 +67,10 @@ class ClearanceLimit(Limit[float]):
         limit = cls(problem, 0.0, stated=False)
         return limit if len(limit.pairs.pairs) or limit.pairs.left_out else None
 
+    def places(self, problem: Problem) -> tuple[str, ...]:
+        """See :class:`~freefloat.limits.limit.Limit`."""
+        return tuple(map(self.pairs.name, range(len(self.pairs.pairs)))) or (_NO_PAIR,)
+
     def worst(self, motion: Motion) -> LimitResult:
         """The smallest distance."""
         return self._smallest(motion, decide_only=False)
@@ -78,9 +85,7 @@ class ClearanceLimit(Limit[float]):
         pairs, notes = self.pairs, self.pairs.left_out
         if not len(pairs.pairs):
             start = motion.time_at(0.0)
-            return self.result(
-                np.inf, self.bound, 0.0, start, "no pair", at_least=True, notes=notes
-            )
+            return self.result(np.inf, self.bound, 0.0, start, _NO_PAIR, at_least=True, notes=notes)
         threshold = self.bound * (1.0 - ROUNDING)
         below = threshold if decide_only else np.inf
         nearest = clearance(motion, pairs, below, decide_only=decide_only)

@@ -25,6 +25,10 @@ class CorridorLimit(Limit[Corridor]):
         """See :class:`~freefloat.limits.limit.Limit`."""
         return problem.scene.corridor
 
+    def places(self, problem: Problem) -> tuple[str, ...]:
+        """See :class:`~freefloat.limits.limit.Limit`."""
+        return (problem.model.end_effector,)
+
     def worst(self, motion: Motion) -> LimitResult:
         """The instant at which the end-effector deviates most from the corridor's axis."""
         problem, corridor = motion.problem, self.bound
