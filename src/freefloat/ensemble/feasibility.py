@@ -97,6 +97,7 @@ class FeasibilityEvaluator:
         branch: Branch = None,
         *,
         stop_at_margin: bool = False,
+        extremes: bool = False,
         progress: Progress | None = None,
     ) -> BranchResults:
         """Integrate the motions along the path from many attitudes.
@@ -109,6 +110,7 @@ class FeasibilityEvaluator:
             branch: Only the arm branch with this number, or that of each attitude; all when left
                 out.
             stop_at_margin: Stop motions that violate the margin.
+            extremes: As of ``EnsembleIntegrator.integrate``.
             progress: Called with the fraction done, in [0, 1].
         """
         count = len(attitudes)
@@ -119,17 +121,19 @@ class FeasibilityEvaluator:
         def evaluate_chunk(first: int) -> None:
             few = slice(first, first + size)
             own = branch[few] if isinstance(branch, np.ndarray) else branch
-            parts[first] = self._evaluated(attitudes[few], own, threshold, self._single)
+            parts[first] = self._evaluated(attitudes[few], own, threshold, extremes, self._single)
 
         if count <= size:
-            return self._evaluated(attitudes, branch, threshold, self.integrator, progress)
+            return self._evaluated(
+                attitudes, branch, threshold, extremes, self.integrator, progress
+            )
         run_chunks(evaluate_chunk, range(0, count, size), self.threads, progress)
         first, *others = (parts[number] for number in sorted(parts))
         return first.and_others(*others)
 
     def _evaluated(
-        self, attitudes: Array, branch: Branch, threshold: float, integrator: Integrator,
-        progress: Progress | None = None,
+        self, attitudes: Array, branch: Branch, threshold: float, extremes: bool,
+        integrator: Integrator, progress: Progress | None = None,
     ) -> BranchResults:  # fmt: skip
         """The results of :meth:`evaluate` by an integrator, motions being stopped at a margin."""
         branches = self.problem.many_branches(attitudes, branch=branch)
@@ -148,7 +152,7 @@ class FeasibilityEvaluator:
         chosen[rows, sources] = exist[rows, sources]
         result = integrator.integrate(
             attitudes[np.nonzero(chosen)[0]], joints[chosen], stop_below=threshold,
-            progress=progress,
+            extremes=extremes, progress=progress,
         )  # fmt: skip
         table = EnsembleResult.empty(exist.shape, joints.shape[2], self.limits.number)
         table.assign(chosen, result)

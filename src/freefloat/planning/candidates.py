@@ -115,7 +115,7 @@ class ScreenedCandidate(Candidate):
 
     Attributes:
         violation: The limit that it violates, as far as compiled motions show.
-        rate_ratio: Largest ratio of a joint rate to its limit; zero without limits.
+        rate_ratio: Largest ratio of a rate, of joints or spacecraft, to its limit; zero without.
         clearance_deficit: Required less actual clearance [m]; zero where it is kept.
     """
 

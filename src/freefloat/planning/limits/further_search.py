@@ -15,6 +15,7 @@ from functools import partial
 import numpy as np
 
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
+from freefloat.ensemble.known_limits import KNOWN
 from freefloat.ensemble.result import EnsembleResult
 from freefloat.limits.kinds.corridor import CorridorLimit
 from freefloat.limits.limits import Limits
@@ -23,7 +24,6 @@ from freefloat.planning.headings import heading_depth, ranges_containing
 from freefloat.planning.limits.further_starts import SearchStarts, starts_of
 from freefloat.planning.limits.keeping import moved_nearer
 from freefloat.planning.limits.trials import (
-    COMPARED,
     PassedTrial,
     Trials,
     Violations,
@@ -148,7 +148,7 @@ class _FurtherSearch:
             if passed is not None:
                 return passed
         nearest, results = self._trials.nearest()
-        shown = all(result.limit in COMPARED for result in results if not result.kept)
+        shown = all(result.limit in KNOWN for result in results if not result.kept)
         if nearest is None or shown or not self._precisely:
             return None
         branch = None if self._redundant else nearest.branch.index

@@ -9,6 +9,8 @@ import numpy as np
 
 from freefloat.concurrency import Progress
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
+from freefloat.ensemble.known_limits import KNOWN
+from freefloat.limits.kinds.base_rate import BaseRateLimit
 from freefloat.limits.kinds.clearance import ClearanceLimit
 from freefloat.limits.kinds.corridor import CorridorLimit
 from freefloat.limits.kinds.joint_rate import JointRateLimit
@@ -30,15 +32,17 @@ _HEADINGS = 720
 _MOST = 120
 """Candidates integrated precisely before giving up."""
 _SPACING = np.radians(5.0)
-"""Planar candidates nearer than this to one that violates a limit are skipped; in space those
-nearer than the spacing of the grid."""
+"""Planar candidates nearer than this to one that violates a limit that no ensemble knows are
+skipped; in space those nearer than the spacing of the grid."""
+_AGAIN = 32
+"""Skipped candidates that are integrated precisely after all, at half the distance, then less."""
 _NEAREST = 16
-"""Screened-out or skipped candidates that are integrated precisely after all."""
+"""Screened-out candidates that are integrated precisely after all."""
 _STRETCHED = 256
 """Attitudes from which longer motions are tried where no candidate is known to keep the limits."""
 _BISECTIONS = 10
-_AMONG = "among the samples that keep the limits"
-"""What an attitude is chosen from, in reasons."""
+_AMONG, _TRIED = "among the samples that keep the limits", "of the samples tried"
+"""What an attitude is chosen from, in reasons: all of them, or those that were not skipped."""
 _SAME_ATTITUDE = 1e-9
 """Angle below which attitudes are the same [rad]."""
 
@@ -53,8 +57,8 @@ def keep_limits(
     """The plan if its motion keeps the limits, else the best other candidate that does.
 
     Candidates are the samples that keep the margin (for planar tasks 720 headings) and the present
-    attitude, in the order of the search's objective; those next to one that violates a limit are
-    skipped, and the slowest of them tried in the end. An objective that approaches
+    attitude, in the order of the search's objective; those next to one that violates a limit that
+    no ensemble knows are skipped, and tried in the end. An objective that approaches
     ``from_attitude`` then has the attitude moved toward it as far as everything is kept. The
     ``known`` candidate is tried in the end.
     """
@@ -95,31 +99,33 @@ def _first_passing(
     compared = search.comparison(evaluator, limits, margins)
     total = int(plan.problem.margin.keeps(margins).sum())
     refused: list[ScreenedCandidate] = []
-    skipped: list[ScreenedCandidate] = []
-    candidates = screen(results, compared, trials.checker.pairs)
-    for number, candidate in enumerate(candidates, 1):
-        if progress is not None:
-            progress(max(trials.count / _MOST, number / total))
-        if candidate.violation is not None:
-            trials.violations[candidate.violation] += 1
-            trials.screened_out.append(candidate)
-            continue
-        at_present = np.array_equal(candidate.attitude, np.asarray(present))
-        if candidate.is_near(refused, spacing) and not at_present:
-            skipped.append(candidate)
-        else:
+    candidates: Iterable[ScreenedCandidate] = screen(results, compared, trials.checker.pairs)
+    most = _MOST
+    while True:
+        trials.skipped = []
+        for number, candidate in enumerate(candidates, 1):
+            if progress is not None:
+                progress(max(trials.count / _MOST, number / total))
+            if candidate.violation is not None:
+                trials.violations[candidate.violation] += 1
+                trials.screened_out.append(candidate)
+                continue
+            at_present = np.array_equal(candidate.attitude, np.asarray(present))
+            if candidate.is_near(refused, spacing) and not at_present:
+                trials.skipped.append(candidate)
+                continue
             passed = trials.at(candidate.attitude, candidate.branch)
             if passed is not None and _has_spare(evaluator, plan, passed[0]):
                 return passed
             fallback = fallback or passed
-            refused += [] if at_present else [candidate]
-            if trials.count >= _MOST:
+            if not at_present and trials.refusal not in KNOWN:
+                refused.append(candidate)
+            if trials.count >= most:
                 break
-    if fallback is not None:
-        return fallback
-    again = () if limits.joint_rate is None else _slowest(skipped)
-    checked = (trials.at(candidate.attitude, candidate.branch) for candidate in again)
-    return next((passed for passed in checked if passed is not None), None)
+        if fallback is not None or not trials.skipped or trials.count >= most:
+            return fallback
+        candidates, spacing = trials.skipped, spacing / 2.0
+        most = min(_MOST, most if most < _MOST else trials.count + _AGAIN)
 
 
 def _has_spare(evaluator: FeasibilityEvaluator, plan: Plan, chosen: SimulatedBranch) -> bool:
@@ -138,14 +144,13 @@ def _has_spare(evaluator: FeasibilityEvaluator, plan: Plan, chosen: SimulatedBra
 
 
 def _nearest_to_passing(screened_out: list[ScreenedCandidate]) -> list[ScreenedCandidate]:
-    """The candidates that exceed joint rates, and lack clearance, by the smallest amounts."""
-    fast = [entry for entry in screened_out if entry.violation == JointRateLimit.name]
+    """The candidates that exceed rates, and lack clearance, by the smallest amounts."""
+    rates = JointRateLimit.name, BaseRateLimit.name
+    fast = [entry for entry in screened_out if entry.violation in rates]
     near = [entry for entry in screened_out if entry.violation == ClearanceLimit.name]
-    return _slowest(fast) + sorted(near, key=lambda entry: entry.clearance_deficit)[:_NEAREST]
-
-
-def _slowest(candidates: Iterable[ScreenedCandidate]) -> list[ScreenedCandidate]:
-    return sorted(candidates, key=lambda entry: entry.rate_ratio)[:_NEAREST]
+    fast.sort(key=lambda entry: entry.rate_ratio)
+    near.sort(key=lambda entry: entry.clearance_deficit)
+    return fast[:_NEAREST] + near[:_NEAREST]
 
 
 def _with_candidate(plan: Plan, trials: Trials, passed: PassedTrial) -> Plan:
@@ -161,8 +166,9 @@ def _with_candidate(plan: Plan, trials: Trials, passed: PassedTrial) -> Plan:
         excluded=dict(trials.violations),
         robust_radius=heading_depth(trials.evaluator, plan, chosen),
     )
+    among = _TRIED if trials.skipped else _AMONG
     reason = search.objective.limited_reason(
-        plan.deviation, _AMONG, margin_text(chosen.closest_approach)
+        plan.deviation, among, margin_text(chosen.closest_approach)
     )
     return replace(plan, reason=reason)
 

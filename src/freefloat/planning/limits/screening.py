@@ -1,8 +1,7 @@
 """Candidates that compiled motions show to violate limits.
 
-Joint ranges and rates are compared at the integrator's steps, clearances at some instants. A
-compiled motion passes through these states, so a candidate that is screened out violates the limit;
-one that passes may still violate it in between.
+Joint ranges and rates are compared along the whole motion, clearances at some instants: a candidate
+that is screened out violates the limit; one that passes may still violate it in between.
 """
 
 from __future__ import annotations
@@ -15,6 +14,7 @@ import numpy as np
 
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.ensemble.result import BranchResults
+from freefloat.limits.kinds.base_rate import BaseRateLimit
 from freefloat.limits.kinds.clearance import ClearanceLimit
 from freefloat.limits.kinds.joint_range import JointRangeLimit
 from freefloat.limits.kinds.joint_rate import JointRateLimit
@@ -56,14 +56,18 @@ def screen(
         first, size = first + size, min(2 * size, _BATCH)
         attitudes, columns = results.attitudes[samples[batch]], branches[batch]
         distinct, rows = np.unique(attitudes, axis=0, return_inverse=True)
-        again, entries = evaluator.evaluate(distinct), (rows.ravel(), columns)
+        again, entries = evaluator.evaluate(distinct, extremes=True), (rows.ravel(), columns)
         low, high = again.motions.lower[entries], again.motions.upper[entries]
         ranges = largest_range_ratio(evaluator.problem.model_at(), low, high)
         violations = {JointRangeLimit.name: ranges > 1.0 + _SLACK}
-        rate_ratios, deficits = np.zeros((2, len(batch)))
+        rate_ratios, turn_ratios, deficits = np.zeros((3, len(batch)))
         if limits is not None and limits.joint_rate is not None:
             rate_ratios = again.motions.rate_usage(limits.joint_rate)[entries]
+        if limits is not None and limits.base_rate is not None:
+            turn_ratios = again.motions.base_rate[entries] / limits.base_rate
         violations[JointRateLimit.name] = rate_ratios > 1.0 + _SLACK
+        violations[BaseRateLimit.name] = turn_ratios > 1.0 + _SLACK
+        rate_ratios = np.maximum(rate_ratios, turn_ratios)
         if pairs is not None:
             left = ~np.any([*violations.values()], axis=0)
             remaining = entries[0][left], entries[1][left]

@@ -9,11 +9,9 @@ import numpy as np
 
 from freefloat.ensemble.endings import COMPLETED, LIMITED, UNREACHED
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
-from freefloat.ensemble.known_limits import KNOWN
 from freefloat.ensemble.result import EnsembleResult
 from freefloat.errors import InputError
 from freefloat.limits.check import LimitChecker
-from freefloat.limits.kinds.base_rate import BaseRateLimit
 from freefloat.limits.limits import Limits
 from freefloat.limits.result import LimitResult, needed_stretch, rounded_up
 from freefloat.planning.candidates import ScreenedCandidate
@@ -36,8 +34,6 @@ PassedTrial = tuple[SimulatedBranch, tuple[LimitResult, ...]]
 """A motion that keeps margin and limits, and the results of these."""
 UNFINISHED = 1e6
 """Violation of motions that just fail to follow the whole path."""
-COMPARED = tuple(name for name in KNOWN if name != BaseRateLimit.name)
-"""Limits whose ratios violations have: those that ensembles know, but that of the base rate."""
 
 
 class Trials:
@@ -49,9 +45,11 @@ class Trials:
         checker: The limits, prepared for its robot.
         violations: How many candidates violate which limit first.
         count: Number of precise motions.
+        refusal: What the last motion that did not pass violates first.
         too_fast: Motions that violate limits of rates and torques alone, with the factor on the
             duration that they would need without momentum.
         screened_out: Candidates that violate a limit without a precise motion.
+        skipped: Candidates near ones that violate a limit, of which nothing is known.
     """
 
     def __init__(self, evaluator: FeasibilityEvaluator, limits: Limits | None) -> None:
@@ -62,9 +60,10 @@ class Trials:
         self._limits = limits
         self.checker = LimitChecker(problem, limits or Limits(clearance="off"))
         self.violations: Counter[str] = Counter()
-        self.count = 0
+        self.count, self.refusal = 0, ""
         self.too_fast: list[tuple[float, SimulatedBranch]] = []
         self.screened_out: list[ScreenedCandidate] = []
+        self.skipped: list[ScreenedCandidate] = []
         self._nearest: tuple[tuple[float, float], SimulatedBranch] | None = None
 
     def at(self, attitude: Array, branch: int) -> PassedTrial | None:
@@ -81,7 +80,7 @@ class Trials:
         """The motion and every limit result; None if it violates the margin or a limit."""
         self.count += 1
         if not simulated.feasible:
-            self.violations["margin"] += 1
+            self._refuse("margin")
             return None
         if self._limits is None:
             return simulated, ()
@@ -89,14 +88,18 @@ class Trials:
         results, first = self.checker.results_unless_violated(motion)
         if first is None:
             return simulated, results
-        self.violations[first.limit] += 1
         violated = self.checker.violations(motion) if first.timed else (first,)
         excess = _excess(violated)
         if self._nearest is None or excess < self._nearest[0]:
             self._nearest = excess, simulated
         if _is_too_fast(violated):
             self.too_fast.append((needed_stretch(violated), simulated))
+        self._refuse(first.limit)
         return None
+
+    def _refuse(self, name: str) -> None:
+        self.violations[name] += 1
+        self.refusal = name
 
     def nearest(self) -> tuple[SimulatedBranch | None, tuple[LimitResult, ...]]:
         """The motion that keeps the margin and comes nearest to keeping the limits, and these."""
@@ -206,7 +209,7 @@ def _excess(violated: tuple[LimitResult, ...]) -> tuple[float, float]:
 
 
 class Violations:
-    """Violations of an evaluator's motions: of margin, attitude, joint ranges and joint rates."""
+    """Violations of an evaluator's motions: of the margin and the limits that ensembles know."""
 
     def __init__(self, evaluator: FeasibilityEvaluator, limits: Limits | None) -> None:
         """Prepare the limits; without them only margin and limits of attitude count."""
@@ -220,20 +223,25 @@ class Violations:
             ratios = problem.margin.threshold / motions.minimum
             ratios = np.where(problem.margin.keeps(motions.minimum), ratios.clip(max=1.0), ratios)
             late = UNFINISHED * (2.0 - motions.ended_at / problem.path.duration)
-            for others in self._attitude.ratios(motions.slacks), self._joint_ratios(motions):
+            for others in (
+                self._attitude.ratios(motions.slacks),
+                self._extent_ratios(motions),
+            ):
                 ratios = np.fmax(ratios, others.max(axis=-1, initial=0.0))
         ratios = np.where(
             completed, np.nan_to_num(ratios, nan=UNFINISHED).clip(max=UNFINISHED), late
         )
         return np.asarray(np.where(motions.endings == UNREACHED, -np.inf, -ratios))
 
-    def _joint_ratios(self, motions: EnsembleResult) -> Array:
-        """Ratios of joint ranges and joint rates, shape (..., 2)."""
+    def _extent_ratios(self, motions: EnsembleResult) -> Array:
+        """Ratios of joint ranges and rates, and of the spacecraft's rate, shape (..., R)."""
         if self._limits is None:
             return np.zeros((*motions.minimum.shape, 0))
         ratios = [largest_range_ratio(self._problem.model_at(), motions.lower, motions.upper)]
         if self._limits.joint_rate is not None:
             ratios.append(motions.rate_usage(self._limits.joint_rate))
+        if self._limits.base_rate is not None:
+            ratios.append(motions.base_rate / self._limits.base_rate)
         return np.asarray(np.stack(ratios, axis=-1))
 
 
