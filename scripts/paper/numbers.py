@@ -112,7 +112,7 @@ def arm_and_path() -> Iterator[Number]:
     model, S = problem.model, problem.margin.measure
     by_hand = ", ".join(f"{length:.6f}" for length in lengths_by_hand())
     yield Number("barycentric lengths a, b, c, d", "m", by_hand,
-                 VirtualManipulator.of(model).lengths,
+                 VirtualManipulator.of(model).lengths(),
                  "not printed: from Table I by hand")  # fmt: skip
     S_max = joint_space_extremes(model, S).largest
     yield Number("largest S", "m⁴ kg", "150", S_max, "printed: about 150", digit=10.0)

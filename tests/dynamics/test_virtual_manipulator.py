@@ -65,7 +65,7 @@ def test_barycentric_lengths_are_weighted_by_the_mass_before_them(seed: int, n: 
     )
     fraction = np.cumsum(m) / m.sum()
     expected = after * fraction + np.append(0.0, before * fraction[:-1])
-    np.testing.assert_allclose(virtual.lengths, expected, atol=1e-13)
+    np.testing.assert_allclose(virtual.lengths(), expected, atol=1e-13)
 
 
 @given(data=st.data(), robot=robots())

@@ -167,6 +167,6 @@ def limits_of(problem, span):
 
 def test_published_planar_barycentric_lengths(planar_3dof: ff.FreeFloatingModel) -> None:
     """The paper's a, b, c, d."""
-    lengths = VirtualManipulator.of(planar_3dof).lengths
+    lengths = VirtualManipulator.of(planar_3dof).lengths()
     error = np.abs(np.array(lengths) - [0.424628, 1.783439, 0.966030, 0.399575]).max()
     assert_agrees("test_published_planar_barycentric_lengths", error)

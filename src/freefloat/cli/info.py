@@ -91,10 +91,7 @@ def info(
 
 def _tables(summary: RobotSummary, default_link: bool) -> Iterator[RenderableType]:
     """The bodies, the joints, and the reach."""
-    from freefloat.dynamics.virtual_manipulator import VirtualManipulator
-
     model, measure, extremes = summary.model, summary.measure, summary.extremes
-    virtual = VirtualManipulator.of(model.with_arms_at_zero)
     yield f"{model.description.source}: {model.total_mass:.6g} kg"
     if arguments := model.description.arguments:
         texts = (f"{argument.name} {one_line(argument.value)}{' (default)' * argument.default}"
@@ -122,7 +119,7 @@ def _tables(summary: RobotSummary, default_link: bool) -> Iterator[RenderableTyp
     for name, link in model.path_arms.items():
         yield f"arm {name}, to {link}, follows a path of its own; lengths and reach are for zero"
     yield (
-        f"barycentric lengths {decimals(virtual.lengths)} m; the end-effector reaches "
+        f"barycentric lengths {decimals(summary.lengths)} m; the end-effector reaches "
         f"{summary.reach[0]:.5f} to {summary.reach[1]:.5f} m from the centre of mass"
     )
     yield (

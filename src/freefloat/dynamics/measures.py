@@ -172,8 +172,8 @@ def unit_of_length(model: FreeFloatingModel, task: Task) -> float:
     virtual = VirtualManipulator.of(model.with_arms_at_zero)
     if not (task.planar and model.on_table):
         return virtual.reach
-    in_plane = virtual.links @ required_plane(model, task).axes[:, :2]
-    return virtual.reach - float((virtual.lengths - np.linalg.norm(in_plane, axis=1)).sum())
+    in_plane = virtual.lengths(required_plane(model, task).normal)
+    return virtual.reach - float((virtual.lengths() - in_plane).sum())
 
 
 def _sigma(

@@ -153,6 +153,12 @@ class RobotSummary:
         """Smallest and largest distance found from the centre of mass to the end-effector [m]."""
         return sampled_reach(self.model.with_arms_at_zero, self.task)
 
+    @property
+    def lengths(self) -> Array:
+        """Lengths of the barycentric vectors [m], of planar tasks in the plane, shape (n + 1,)."""
+        virtual = VirtualManipulator.of(self.model.with_arms_at_zero)
+        return virtual.lengths(None if self.plane is None else self.plane.normal)
+
     def to_dict(self) -> dict[str, Any]:
         """The JSON document of ``freefloat info``."""
         model, measure, plane = self.model, self.measure, self.plane
@@ -181,7 +187,7 @@ class RobotSummary:
                  "inertia": body.inertia.tolist()}
                 for body in model.bodies
             ],
-            "barycentric_lengths": virtual.lengths.tolist(),
+            "barycentric_lengths": self.lengths.tolist(),
             "reach": list(self.reach),
             "reach_bound": virtual.reach,
             "measure": {

@@ -86,10 +86,19 @@ class VirtualManipulator:
         whole = frozen(np.ones(len(arm)))
         return replace(virtual, upright=replace(virtual, links=frozen(steps), strokes=whole))
 
-    @property
-    def lengths(self) -> Array:
-        """Lengths of the barycentric vectors [m], shape (n + 1,)."""
-        return np.asarray(np.linalg.norm(self.links, axis=1))
+    def lengths(self, normal: Array | None = None) -> Array:
+        """Lengths of the barycentric vectors [m], shape (n + 1,).
+
+        Args:
+            normal: Of the plane in which the arm moves and lengths count, spacecraft frame, (3,).
+        """
+        links = self.links
+        if normal is not None:
+            normals = [normal]
+            for rotation in self.rotations:
+                normals.append(rotation.T @ normals[-1])
+            links = links - (links * normals).sum(axis=1, keepdims=True) * normals
+        return np.asarray(np.linalg.norm(links, axis=1))
 
     @property
     def last_link(self) -> Array:

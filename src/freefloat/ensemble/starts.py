@@ -98,26 +98,26 @@ def _starts_of_robots(
 ) -> Starts:
     """Near the starts of the problem's robot; where these do not lead there, those of a model.
 
-    So are those of all arm branches, and of a redundant arm without joints, whose arm branches are
-    others with another robot.
+    So are those of a redundant arm without joints, whose arm branches are others with another
+    robot.
     """
     count, offsets = len(attitudes), systems.start_offsets
-    if joints is None and (branch is None or problem.redundant):
+    if joints is None and problem.redundant:
         certain, found = np.zeros(count, dtype=bool), _none(count, problem.model.arm_dof)
     else:
         found = _starts_of_robot(problem, attitudes, branch, joints, offsets)
-        begun = found.joints[:, 0]
+        begun = found.joints
         if joints is not None and problem.redundant:
-            begun = np.broadcast_to(joints, begun.shape)
+            begun = np.broadcast_to(joints[..., None, :], begun.shape)
         q, certain = _near_starts(problem, robots, offsets, attitudes, begun)
         if joints is not None:  # an arm branch that the problem's robot does not have
-            certain &= problem.model.joint_distance(begun, joints) <= _REQUESTED
+            certain &= problem.model.joint_distance(begun[:, 0], joints) <= _REQUESTED
         if problem.redundant:
             lower, upper = problem.model.joint_ranges
-            certain &= ((q >= lower) & (q <= upper)).all(axis=1)
+            certain &= ((q >= lower) & (q <= upper)).all(axis=(1, 2))
         else:
             q = Chain.of(problem.model).into_range(q.T).T
-        found = Starts(q[:, None], np.where(certain[:, None], found.branches, -1))
+        found = Starts(q, np.where(certain[:, None], found.branches, -1))
     exact = {
         k: starts_at(
             systems.path_of(problem, k), attitudes[k : k + 1], branch,
@@ -125,12 +125,13 @@ def _starts_of_robots(
         )
         for k in np.flatnonzero(~certain).tolist()
     }  # fmt: skip
-    width = max([1, *(starts.branches.shape[1] for starts in exact.values())])
+    columns = found.branches.shape[1]
+    width = max([columns, *(starts.branches.shape[1] for starts in exact.values())])
     every = Starts(
         np.full((count, width, problem.model.arm_dof), np.nan),
         np.full((count, width), -1),
     )
-    every.joints[:, :1], every.branches[:, :1] = found.joints, found.branches
+    every.joints[:, :columns], every.branches[:, :columns] = found.joints, found.branches
     for k, starts in exact.items():
         columns = starts.branches.shape[1]
         every.joints[k, :columns], every.branches[k, :columns] = (
@@ -143,21 +144,22 @@ def _starts_of_robots(
 def _near_starts(
     problem: Problem, robots: Robots, offsets: Array | None, attitudes: Array, joints: Array
 ) -> tuple[Array, BoolArray]:
-    """The configurations (K, n) of robots near joint values (K, n), and whether they are."""
+    """The configurations of robots near joint values (K, B, n), and which robots have all, (K,)."""
     pose = problem.path.pose(0.0)
-    every = np.flatnonzero(np.isfinite(joints).all(axis=1))
+    rows, columns = np.nonzero(np.isfinite(joints).all(axis=2))
+    begun = joints[rows, columns]
     back = Rotation.from_quat(attitudes).as_matrix().swapaxes(1, 2)
     position = np.broadcast_to(pose.position, (len(joints), 3))
     for moved in (robots.offsets, offsets):
         position = position if moved is None else position + moved
-    q, near = np.full(joints.shape, np.nan), np.zeros(len(joints), dtype=bool)
-    q[every], residuals = Newton.of(problem.model, problem.task).solved(
-        (back @ position[..., None])[..., 0], back @ pose.rotation, every, joints[every],
+    q, near = np.full(joints.shape, np.nan), np.zeros(joints.shape[:2], dtype=bool)
+    q[rows, columns], residuals = Newton.of(problem.model, problem.task).solved(
+        (back @ position[..., None])[..., 0], back @ pose.rotation, rows, begun,
         _NEWTON_STEPS, robots=robots.properties(problem),
     )  # fmt: skip
-    far = np.abs(q[every] - joints[every]).max(axis=1, initial=0.0) > _FAR
-    near[every] = (residuals < CONVERGED) & ~far
-    return q, near
+    far = np.abs(q[rows, columns] - begun).max(axis=1, initial=0.0) > _FAR
+    near[rows, columns] = (residuals < CONVERGED) & ~far
+    return q, np.asarray(near.all(axis=1))
 
 
 @lru_cache(maxsize=8)

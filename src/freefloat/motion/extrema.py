@@ -24,6 +24,8 @@ from freefloat.so3 import Array, IntArray
 _GRID = chebyshev.chebvander(np.linspace(-1.0, 1.0, 33), DEGREE)
 _LAST = 3
 """Number of last Chebyshev coefficients from which the interpolation error is estimated."""
+_EQUAL = 1e-13
+"""Relative difference of values that is rounding: the one at a node counts."""
 _MOST_REFINED = 8
 _FINE_GRID = np.linspace(-1.0, 1.0, 65)
 _FINE = chebyshev.chebvander(_FINE_GRID, DEGREE)
@@ -79,7 +81,8 @@ def minimum(values: Array, f: Function | None = None) -> Extremum:
     minima = sorted(_stationary(values, best.value), key=lambda entry: entry[0].value)
     candidates = [candidate for candidate, _ in minima[:_MOST_REFINED]]
     refined = candidates if f is None else _refined(f, candidates)
-    return min([best, *refined], key=lambda extremum: extremum.value)
+    lowest = min([best, *refined], key=lambda extremum: extremum.value)
+    return lowest if lowest.value < best.value - _EQUAL * abs(best.value) else best
 
 
 def maximum(values: Array, f: Function | None = None) -> Extremum:

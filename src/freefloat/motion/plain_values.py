@@ -62,17 +62,18 @@ def task_of(model: FreeFloatingModel, path: TimedPath) -> Task:
 
 
 def margin_of(model: FreeFloatingModel, task: Task | str, value: Any) -> Margin:
-    """A margin, or one of the name of a measure and the value that it must keep.
+    """A margin, or one of the name of a measure and the value that it must keep; by default none.
 
     Raises:
         InputError: If it is neither, or the robot has no such measure.
     """
     if isinstance(value, Margin):
         return value
+    if value is None:
+        value = "gjm", 0.0
     if not isinstance(value, tuple | list) or len(value) != 2:
-        given = "it is missing" if value is None else f"{value!r} was given"
         accepted = "('gjm', 0.05), a measure and its value, or a Margin"
-        raise InputError("margin", given, accepted)
+        raise InputError("margin", f"{value!r} was given", accepted)
     return Margin(singularity_measure(model, task, value[0]), value[1])
 
 

@@ -56,7 +56,7 @@ class Problem(BranchesOnPath):
             default as many as the arm can follow.
         momentum: Angular momentum about the centre of mass, inertial axes [N m s], shape (3,).
         margin: Required distance from dynamic singularities; also a measure and its value, such as
-            ``("gjm", 0.05)``.
+            ``("gjm", 0.05)``; by default none, of det S*.
         redundancy: Null-space motion of a redundant arm; by default the joint rates have the
             smallest Euclidean norm.
         start_joints: Of the arm configurations at the start of the path only the one closest to

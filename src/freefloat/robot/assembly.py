@@ -139,19 +139,22 @@ def scaled(robot: RobotDescription, scale_mass: float | Mapping[str, float]) -> 
 def end_effector_link(robot: RobotDescription, end_effector: str | None) -> str:
     """The link of a name, or that a joint of the name moves; without a name the only last link.
 
+    Links that are fixed to the spacecraft, such as panels, are not meant.
+
     Raises:
         ModelError: If there is none of that name, or no name is given and there are several.
     """
     if end_effector is not None:
         return _link(robot, "end_effector", end_effector)
-    if len(robot.leaves) > 1:
-        moved = [group for first, group in robot.rigid_groups.items() if first not in robot.roots]
-        ends = [group.links for group in moved if set(group.links) & set(robot.leaves)]
-        names = ", ".join(link for links in ends for link in links) or ", ".join(robot.leaves)
+    moved = [group for first, group in robot.rigid_groups.items() if first not in robot.roots]
+    ends = [group.links for group in moved if set(group.links) & set(robot.leaves)]
+    leaves = [link for links in ends for link in links if link in robot.leaves] or robot.leaves
+    if len(leaves) > 1:
+        names = ", ".join(link for links in ends for link in links) or ", ".join(leaves)
         accepted = f"a link such as {names}"
         problem = "the robot has several last links and none was given (--end-effector LINK)"
         raise ModelError("end_effector", problem, accepted, robot.source)
-    return robot.leaves[0]
+    return leaves[0]
 
 
 def _attach(robot: Element, attachment: Attachment, root: str, source: str) -> RobotDescription:

@@ -50,7 +50,10 @@ def described(model: pin.Model, end_effector: str, geometry: Any = None) -> Robo
     _add_joints(robot, model, bodies, path)
     _add_frames(robot, model, bodies, links)
     _add_shapes(robot, model, bodies, links, geometry)
-    description = read_urdf(etree.tostring(robot, encoding="unicode"))
+    try:
+        description = read_urdf(etree.tostring(robot, encoding="unicode"))
+    except ModelError as error:
+        raise ModelError(f"model: {error.key}", error.problem, error.accepted) from None
     if not (root or description.links_by_name[description.roots[0]].mass):
         problem = "it has no root joint, and no mass is fixed to its universe"
         accepted = "a model with a spacecraft: JointModelFreeFlyer or JointModelPlanar as its root"
@@ -59,14 +62,22 @@ def described(model: pin.Model, end_effector: str, geometry: Any = None) -> Robo
 
 
 def _path(model: pin.Model, end_effector: str) -> list[int]:
-    """Joints from the universe to a frame, or to a joint."""
+    """Joints from the universe to a frame, or to a joint, that an arm moves."""
     places = dict(zip(model.names, range(model.njoints), strict=True))
     places |= {frame.name: frame.parentJoint for frame in reversed(_ranked(model))}
+    places = {name: joint for name, joint in places.items() if _is_moved(model, joint)}
     if end_effector not in places:
-        problem = f"the model has no frame {end_effector!r}{did_you_mean(end_effector, places)}"
+        similar = did_you_mean(end_effector, places)
+        problem = f"no joint moves a frame {end_effector!r}{similar}"
         raise ModelError("end_effector", problem, ", ".join(places))
     path: list[int] = model.supports[places[end_effector]].tolist()
     return path
+
+
+def _is_moved(model: pin.Model, joint: int) -> bool:
+    """Whether a joint belongs to an arm: it is neither the universe nor the root."""
+    _, *path = model.supports[joint].tolist()
+    return len(path) > 1 or any(model.joints[one].shortname() not in _ROOTS for one in path)
 
 
 def _ranked(model: pin.Model) -> list[Any]:

@@ -14,6 +14,8 @@ from freefloat.kinds import READERS
 from freefloat.robot.bundled import is_file, read_text
 from freefloat.robot.reader_process import UrdfText, run_reader
 
+URDF_TEXT = "URDF text"
+"""What text is called in place of a file."""
 _URDF = "a file, XML text, or a name such as spatial_6dof"
 _MJCF = re.compile(r"\s*+(?>(?:<\?.*?\?>|<!--.*?-->)\s*+)*+<mujoco\b", re.DOTALL)
 """Beginning of a model of MuJoCo; comments are matched once, without backtracking."""
@@ -82,7 +84,7 @@ class RobotSource:
     @property
     def name(self) -> str:
         """The file, or ``"URDF text"``."""
-        return "URDF text" if self.is_text else str(Path(self.urdf))
+        return URDF_TEXT if self.is_text else str(Path(self.urdf))
 
     @property
     def altered(self) -> bool:
@@ -102,7 +104,7 @@ class RobotSource:
             ModelError: If the reader of a xacro or MJCF file refuses it.
             MissingExtraError: If this reader is not installed.
         """
-        file = Path("URDF text" if self.is_text else self.urdf)
+        file = Path(URDF_TEXT if self.is_text else self.urdf)
         text = str(self.urdf) if self.is_text else read_text(file)
         xacro = file.suffix == ".xacro"
         mjcf = not (self.is_text or xacro) and _MJCF.match(text)

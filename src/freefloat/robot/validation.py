@@ -27,7 +27,7 @@ from freefloat.robot.plausibility import (
     root_masses,
     unusable_meshes,
 )
-from freefloat.robot.source import RobotSource
+from freefloat.robot.source import URDF_TEXT, RobotSource
 from freefloat.robot.urdf import parse_urdf
 
 _TREE = "one root link, every other link the child of exactly one joint, unique names"
@@ -52,7 +52,8 @@ def read_urdf(urdf: str | Path | RobotSource, mounted: bool = False) -> RobotDes
         first, more = errors[0].exception(), len(errors) - 1
         if more:
             others = f"{more} more error{'s' if more > 1 else ''}"
-            remedy = f"{first.accepted} ({others}: freefloat info)"
+            others += "" if robot.source == URDF_TEXT else ": freefloat info"
+            remedy = f"{first.accepted} ({others})"
             raise ModelError(first.key, first.problem, remedy, first.source, first.line)
         raise first
     return replace(with_flat_links(robot), diagnostics=diagnostics)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, TypeVar
@@ -12,19 +12,20 @@ import numpy as np
 
 from freefloat.concurrency import available_cores
 from freefloat.so3 import IntArray
-from freefloat.studies.columns import ERROR, NUMBER, finite
+from freefloat.studies.columns import ERROR, NUMBER, Columns, finite
 from freefloat.studies.database import open_results
-from freefloat.studies.disturbances import FEWEST, group_numbers, why_alone
+from freefloat.studies.disturbances import FEWEST, Chunk, group_numbers, why_alone
 from freefloat.studies.folder import DATABASE
 from freefloat.studies.portable import PortableStudy, study_files
+from freefloat.studies.run import RunResult, execute
 from freefloat.studies.runner import has_undisturbed_file
 from freefloat.studies.study import Study
 from freefloat.studies.study_file import Command
 
-_TRACKED = 16
-"""Closed loops that are timed."""
+_FEW = 16
+"""Runs that are timed side by side at first."""
 _TIMED_RUNS, _ENOUGH = 5, 2.0
-"""Largest number of runs that are timed one by one, and a time after which these are enough [s]."""
+"""Largest number of runs that are timed one by one, and a time after which runs are enough [s]."""
 Task = TypeVar("Task")
 Result = TypeVar("Result")
 
@@ -163,23 +164,20 @@ class _Timed:
     basis: str = ""
 
 
-def _timed(work: Callable[[Task], Result], tasks: Iterable[Task]) -> tuple[list[Result], _Timed]:
-    """Results of tasks, and how long each takes; the first one loads what all need."""
-    results, times = list[Result](), list[float]()
-    for task in tasks:
-        begin = time.perf_counter()
-        results.append(work(task))
-        times.append(time.perf_counter() - begin)
-        if len(times) > 1 and sum(times) > _ENOUGH:
-            break
-    each = float(np.mean(times[1:] or times))
-    return results, _Timed(each, max(0.0, times[0] - each))
+def _timed(work: Callable[[Task], Result], task: Task) -> tuple[Result, float]:
+    """The result of a task, and how long it takes [s]."""
+    begin = time.perf_counter()
+    return work(task), time.perf_counter() - begin
 
 
 def _time_chunks(
     sent: PortableStudy, missing: IntArray, threads: int
 ) -> tuple[_Timed, IntArray, float]:
-    """Time two chunks of runs; return some runs that need one of their own, and their fraction."""
+    """Time a few runs twice, as the first ones load what all need, then so many as take seconds.
+
+    Returns:
+        The time; some runs that need one of their own; and their fraction.
+    """
     study, groups = sent.study, group_numbers(sent.study)
     track = study.content.command is Command.TRACK
     alone = missing[(groups[missing] < 0) & (not track)]
@@ -190,34 +188,42 @@ def _time_chunks(
     todo = chunks(study, missing)
     if (first := next(todo, None)) is None:
         return _Timed(), missing, 1.0
-    tasks = [
-        replace(chunk, numbers=chunk.numbers[:_TRACKED]) if track else chunk
-        for chunk in (first, next(todo, first))
-    ]
-    rows, timed = _timed(lambda chunk: computed(sent, chunk, threads), tasks)
-    numbers, tried = np.asarray(rows[-1][NUMBER], dtype=int), tasks[-1].numbers
+    second = next(todo, first)
+
+    def some(chunk: Chunk, count: int) -> tuple[Chunk, Columns, float]:
+        chunk = replace(chunk, numbers=chunk.numbers[:count])
+        return chunk, *_timed(lambda chunk: computed(sent, chunk, threads), chunk)
+
+    *_, loading = some(first, _FEW)
+    chunk, rows, seconds = some(second, _FEW)
+    loading = max(0.0, loading - seconds)
+    if not track:
+        chunk, rows, seconds = some(second, max(_FEW, int(_FEW * _ENOUGH / seconds)))
+    numbers, tried = np.asarray(rows[NUMBER], dtype=int), chunk.numbers
     undecided = (1.0 - len(numbers) / len(tried)) * (1.0 - len(alone) / len(missing))
     basis = f"{len(numbers)} runs {'side by side' if track else 'of an ensemble'}"
-    timed = replace(
-        timed, each=timed.each * threads / len(tried), basis=basis if len(numbers) else ""
-    )
+    timed = _Timed(seconds * threads / len(tried), loading, basis if len(numbers) else "")
     apart = np.concatenate([alone, np.setdiff1d(tried, numbers)])
     return timed, apart, len(alone) / len(missing) + undecided
 
 
 def _time_runs(sent: PortableStudy, numbers: IntArray, save: bool) -> _Timed:
     """Time some of the runs on their own, with their result files if these are saved."""
-    from freefloat.studies.run import execute  # imports slowly
-
     if not len(numbers):
         return _Timed()
     places = np.linspace(0, len(numbers) - 1, min(_TIMED_RUNS, len(numbers))).astype(int)
-    runs, timed = _timed(lambda number: execute(sent, number, save), numbers[places].tolist())
+    runs, times = list[RunResult](), list[float]()
+    for number in numbers[places].tolist():
+        run, seconds = _timed(lambda number: execute(sent, number, save), number)
+        runs, times = [*runs, run], [*times, seconds]
+        if len(times) > 1 and sum(times) > _ENOUGH:
+            break
     if all(run.values["verdict"] == ERROR for run in runs):
         reason = f"run {runs[0].number}: {runs[0].values['error']}"
         raise _NoneTimed(f"no run could be timed, {reason}")
     listed = ", ".join(str(run.number) for run in runs)
-    return replace(timed, basis=f"run{'s' * (len(runs) > 1)} {listed}")
+    each = float(np.mean(times[1:] or times))  # the first one loads what all need
+    return _Timed(each, max(0.0, times[0] - each), f"run{'s' * (len(runs) > 1)} {listed}")
 
 
 class _NoneTimed(Exception):

@@ -13,16 +13,18 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from jinja2 import Environment, PackageLoader
 
 from freefloat.concurrency import Progress
 from freefloat.errors import FreeFloatError
 from freefloat.io.files import written_beside
-from freefloat.studies.columns import ERROR, NUMBER
+from freefloat.so3 import Array
+from freefloat.studies.columns import ERROR, FOUND, NUMBER
 from freefloat.studies.folder import FIGURE, REPORT
 from freefloat.studies.names import heading, readable_name, result_name
 from freefloat.studies.results import PERCENTILES, StudyResult
-from freefloat.studies.rows import quoted
+from freefloat.studies.rows import StudyRows, quoted
 
 _FIRST_LISTED = ("verdict", "reason", "error", "margin", "limiting")
 """Columns of the report before the parameters."""
@@ -53,7 +55,7 @@ def save_report(result: StudyResult, progress: Progress = lambda done: None) -> 
     parameters = {name: heading(name) for name in rows.parameters}
     drawn = (*parameters, "verdict", "margin", "margin_required", "measure", "limiting")
     unit = _margin_unit(result)
-    drawing = study_figure(rows.columns(drawn), parameters, unit)
+    drawing = study_figure(rows.columns(drawn), parameters, unit, _largest_ratios(rows))
     progress(0.3)
     figure, picture = save_figures(result.folder, {FIGURE: drawing})
     progress(0.7)
@@ -63,6 +65,13 @@ def save_report(result: StudyResult, progress: Progress = lambda done: None) -> 
     with written_beside(result.folder / REPORT) as beside:
         beside.write_text(page, encoding="utf-8")
     return {"figure": figure, "picture": picture, "report": result.folder / REPORT}
+
+
+def _largest_ratios(rows: StudyRows) -> Array | None:
+    """The largest ratio of a limit along each run, NaN where none is known; None without limits."""
+    results = (name for name in rows.types if name not in rows.parameters)
+    names = [name for name in results if name.removeprefix(FOUND).startswith("limits.")]
+    return np.fmax.reduce([*rows.columns(names).values()]) if names else None
 
 
 def _margin_unit(result: StudyResult) -> str:

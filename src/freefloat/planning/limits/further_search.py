@@ -19,6 +19,7 @@ from freefloat.ensemble.known_limits import KNOWN
 from freefloat.ensemble.result import EnsembleResult
 from freefloat.limits.kinds.corridor import CorridorLimit
 from freefloat.limits.limits import Limits
+from freefloat.limits.result import LimitResult, all_violations, violated
 from freefloat.planning.candidates import ScoredAttitude
 from freefloat.planning.headings import heading_depth, ranges_containing
 from freefloat.planning.limits.further_starts import SearchStarts, starts_of
@@ -29,7 +30,7 @@ from freefloat.planning.limits.trials import (
     Violations,
     largest_violation,
 )
-from freefloat.planning.motions import integrate_branch
+from freefloat.planning.motions import SimulatedBranch, integrate_branch
 from freefloat.planning.plan import Plan
 from freefloat.planning.reasons import margin_text, reach_message
 from freefloat.planning.searches.pattern_search import Clouds, Turns
@@ -69,7 +70,15 @@ def searched_further(
     if passed is None:
         own = "" if plan.search.present is None else "the attitude the spacecraft has and "
         tried = f"{own}{search.tried:,} further attitudes, with those nearby that violate the least"
-        return replace(plan, reason=f"{plan.reason}; {tried}, were tried, too")
+        plan = replace(plan, reason=f"{plan.reason}; {tried}, were tried, too")
+        nearest, results = search.nearest()
+        if plan.chosen is not None or nearest is None:
+            return plan
+        best = f"in the best of them {all_violations(violated(results))}"
+        return replace(
+            plan, reason=f"{plan.reason}; {best}", chosen=nearest, limit_results=results,
+            robust_radius=heading_depth(evaluator, plan, nearest),
+        )  # fmt: skip
     chosen, results = passed
     plan = replace(
         plan, feasible=True, chosen=chosen, limit_results=results, excluded={},
@@ -123,6 +132,10 @@ class _FurtherSearch:
                 return max(passed, key=self._merit_of) if len(passed) > 1 else passed[0]
         return None
 
+    def nearest(self) -> tuple[SimulatedBranch | None, tuple[LimitResult, ...]]:
+        """The motion that keeps the margin and comes nearest to keeping the limits, and these."""
+        return self._trials.nearest()
+
     def _best_start(self, starts: SearchStarts) -> PassedTrial | None:
         """The motion of the largest merit of those whose compiled ones keep everything."""
         attitudes = starts.attitudes[(starts.merits >= -1.0).any(axis=1)]
@@ -142,7 +155,7 @@ class _FurtherSearch:
             separate_best(starts.attitudes, merits, branches, _STARTS, starts.spacing),
             starts.spacing,
         )
-        near = [entry for entry in best if entry.merit >= -1.0 - _SLACK][:_TRIED]
+        near = [entry for entry in best if entry.merit >= -1.0 - _SLACK][:_TRIED] or best[:1]
         for candidate in near:
             passed = self._trials.at(*self._numbered(candidate, self._violations))
             if passed is not None:

@@ -40,6 +40,8 @@ _MAX_QUANTITIES, _OF_MARGIN = 8, ("margin", "singularity")
 """Number of limiting quantities that have a bar; those that the histogram of margins shows."""
 _PARTS = 20
 """Parts into which runs are divided, by the value of a parameter, to see its effect."""
+_LARGEST_RATIO = 3.0
+"""Ratios of limits from which they are drawn alike."""
 _CELLS = 60, 40
 """Numbers of cells of a density, across and up."""
 _PALEST = 0.5
@@ -54,25 +56,34 @@ Column = npt.NDArray[Any]
 
 @styled
 def study_figure(
-    table: Mapping[str, Column], parameters: Mapping[str, str], unit: str = ""
+    table: Mapping[str, Column],
+    parameters: Mapping[str, str],
+    unit: str = "",
+    ratios: Array | None = None,
 ) -> Figure:
     """The figure of margins, over parameters too; runs without a margin are drawn there at zero.
 
-    The first panels are the histogram of the margins, where limits decide most runs the numbers of
-    runs by limiting quantity in its place, and the running estimate of the feasible
-    fraction, by number of runs without error, with its 95 % confidence interval. Of more than
-    twelve parameters those with the largest effect are drawn. Above 1,000 runs their panels show
-    how many runs there are.
+    The first panels are the histogram of the margins, and the running estimate of the feasible
+    fraction, by number of runs without error, with its 95 % confidence interval. Where limits
+    decide most runs, the numbers of runs by limiting quantity take the place of the histogram, and
+    the largest ratios of limits the place of the margins. Of more than twelve parameters those with
+    the largest effect are drawn. Above 1,000 runs their panels show how many runs there are.
 
     Args:
         table: Columns of the runs: verdict, margin, margin_required, measure, the parameters, and
             limiting if it is known.
         parameters: Labels of the horizontal axes by column.
         unit: Unit of the margins.
+        ratios: Largest ratio of a limit along each run, NaN where it is not known.
     """
-    margins = np.nan_to_num(table["margin"])
+    limiting = table.get("limiting", np.array([], dtype=object))
+    known, others = limiting.astype(bool), ~np.isin(limiting.astype(str), _OF_MARGIN)
+    limited = ratios is not None and 2 * np.sum(known & others) > np.sum(known)
+    drawn = np.nan_to_num(table["margin"])
+    if ratios is not None and limited:
+        drawn = np.where(np.isnan(ratios), np.nanmax(ratios), ratios).clip(max=_LARGEST_RATIO)
     every = [key for key in parameters if len(set(table[key].tolist())) > 1]
-    strongest = sorted(every, key=lambda key: -_effect(table[key], margins))[:_MAX_PANELS]
+    strongest = sorted(every, key=lambda key: -_effect(table[key], drawn))[:_MAX_PANELS]
     varied = [key for key in every if key in strongest]
     across = 2 if len(varied) == 4 else max(1, min(_COLUMNS, len(varied)))
     down, wide = math.ceil(len(varied) / across), 6 // across
@@ -88,14 +99,13 @@ def study_figure(
     measure = next(filter(None, table["measure"]), None)
     quantity = "minimum margin" if measure is None else f"minimum |{measure_title(measure)}|"
     label = f"margin {amount(required[0], unit)}" if len(required) == 1 else ""
-    limiting = table.get("limiting", np.array([], dtype=object))
-    known, others = limiting.astype(bool), ~np.isin(limiting.astype(str), _OF_MARGIN)
-    if limited := 2 * np.sum(known & others) > np.sum(known):
+    if limited:
         _draw_limiting(histogram, limiting[known], verdicts[known])
+        quantity, unit, required, label = "largest ratio", "1", np.ones(1), "limit"
     else:
         _draw_histogram(histogram, table["margin"], verdicts)
         histogram.set_xlabel(axis_label(quantity, unit))
-    lowest, highest = margins.min(initial=np.inf), margins.max(initial=1e-9)
+    lowest, highest = drawn.min(initial=np.inf), drawn.max(initial=1e-9)
     if label and not limited:
         histogram.axvline(*required, color=GREY, linestyle="--", linewidth=0.8)
     if label:
@@ -103,7 +113,7 @@ def study_figure(
     lowest = min(lowest, highest)
     densities = []
     for place, (axes, key) in enumerate(zip(panels, varied, strict=True)):
-        densities += _panel(axes, table[key], margins, verdicts)
+        densities += _panel(axes, table[key], drawn, verdicts)
         axes.set_xlabel(_short(parameters[key]))
         if label:
             axes.axhline(*required, color=GREY, linestyle="--", linewidth=0.8, label=label)
@@ -128,15 +138,16 @@ def study_figure(
         )  # fmt: skip
     if left_out := len(every) - len(varied):
         figure.supxlabel(
-            f"not shown: the {left_out} parameters with the least effect", fontsize=8.0
+            f"not shown: the {left_out} parameters with the least effect on the {quantity}",
+            fontsize=8.0,
         )
     return figure
 
 
-def _effect(values: Column, margins: Array) -> float:
-    """Variance of the mean margins of equally many runs with values nearby."""
+def _effect(values: Column, drawn: Array) -> float:
+    """Variance of the means of what is drawn of equally many runs with values nearby."""
     order = np.argsort(_places(values)[0], kind="stable")
-    parts = np.array_split(margins[order], _PARTS)
+    parts = np.array_split(drawn[order], _PARTS)
     return float(np.var([part.mean() for part in parts if len(part)]))
 
 
