@@ -46,6 +46,8 @@ from freefloat.so3 import UPRIGHT, Array
 
 _CELLS, _TANGENT_ERROR = (1, 4, 32, 256), 1e-11
 """Numbers of cubics that approximate the path's tangent, and their relative error."""
+_ROUGH = 1e-8
+"""Relative error from which a path is refused: it has breaks that it does not name."""
 _ERROR = 100.0
 """Error of the angles of compiled motions [rad], by the tolerance of their steps."""
 
@@ -197,6 +199,11 @@ def _tangents(path: EndEffectorPath, low: float, high: float) -> Array:
         nodes = low + width * (np.arange(number)[:, None] + NODES)
         values = tangent(nodes.ravel()).reshape(number, 5, 6)
         cubics, error = cubics_through(values)
-        if error.max() <= _TANGENT_ERROR * np.abs(values).max():
+        deviation = float(error.max() / np.abs(values).max())
+        if deviation <= _TANGENT_ERROR:
             break
+    if deviation > _ROUGH:
+        problem = f"its tangent between s = {low:.4g} and {high:.4g} is no smooth function of s"
+        accepted = "a curve and an orientation with breaks: where third derivatives jump"
+        raise InputError("path", problem, accepted)
     return cubics

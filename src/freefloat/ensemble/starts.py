@@ -191,22 +191,12 @@ def _distinct_starts(
         if not numbers[:, column].size:
             return _none(len(attitudes), problem.model.arm_dof)
         return Starts(sets.joints[:, column], numbers[:, column])
-    if problem.redundant:
-        poses = problem.poses_seen_from(attitudes, offsets=offsets)
-        sets = closest_branches(problem.model_at(), *poses, problem.task, joints)
-        return Starts(sets.joints, sets.names)
-    return _nearest(problem, attitudes, joints, offsets)
+    poses = problem.poses_seen_from(attitudes, offsets=offsets)
+    sets = closest_branches(problem.model_at(), *poses, problem.task, joints)
+    rows, columns = np.arange(len(attitudes)), sets.exist.argmax(axis=1)
+    numbers = np.where(sets.exist.any(axis=1), columns, -1)
+    return Starts(sets.joints[rows, columns][:, None], numbers[:, None])
 
 
 def _none(count: int, n: int) -> Starts:
     return Starts(np.full((count, 1, n), np.nan), np.full((count, 1), -1))
-
-
-def _nearest(problem: Problem, attitudes: Array, joints: Array, offsets: Array | None) -> Starts:
-    """Of all arm branches the nearest to joint values."""
-    sets = problem.many_branches(attitudes, offsets=offsets)
-    distances = problem.model.joint_distance(sets.joints, joints[..., None, :])
-    distances = np.where(sets.exist, distances, np.inf)
-    columns, rows = distances.argmin(axis=1), np.arange(len(attitudes))
-    numbers = np.where(np.isfinite(distances[rows, columns]), columns, -1)
-    return Starts(sets.joints[rows, columns][:, None], numbers[:, None])

@@ -115,13 +115,13 @@ class ScreenedCandidate(Candidate):
 
     Attributes:
         violation: The limit that it violates, as far as compiled motions show.
-        rate_ratio: Largest ratio of a rate, of joints or spacecraft, to its limit; zero without.
+        ratio: Largest ratio of a joint range, or of a rate of joints or spacecraft, to its limit.
         clearance_deficit: Required less actual clearance [m]; zero where it is kept.
     """
 
     branch: int
     violation: str | None = None
-    rate_ratio: float = 0.0
+    ratio: float = 0.0
     clearance_deficit: float = 0.0
 
 

@@ -89,7 +89,7 @@ def no_feasible_heading_message(
         return beyond
     motions = evaluator.evaluate(attitudes).motions
     tried = np.argwhere(np.isin(motions.endings, (COMPLETED, SINGULAR))).tolist()
-    if not tried and (motions.endings == LIMITED).any():
+    if (motions.endings == LIMITED).any():
         return none_completes(f"none of {_TRIED} headings", motions.endings)
     if not tried:
         return unreached_start_message(problem, "no heading")

@@ -10,10 +10,8 @@ import numpy as np
 from freefloat.concurrency import Progress
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.ensemble.known_limits import KNOWN
-from freefloat.limits.kinds.base_rate import BaseRateLimit
 from freefloat.limits.kinds.clearance import ClearanceLimit
 from freefloat.limits.kinds.corridor import CorridorLimit
-from freefloat.limits.kinds.joint_rate import JointRateLimit
 from freefloat.limits.limits import Limits
 from freefloat.limits.result import LimitResult, all_violations, rounded_up, violated
 from freefloat.planning.candidates import ScreenedCandidate
@@ -144,13 +142,12 @@ def _has_spare(evaluator: FeasibilityEvaluator, plan: Plan, chosen: SimulatedBra
 
 
 def _nearest_to_passing(screened_out: list[ScreenedCandidate]) -> list[ScreenedCandidate]:
-    """The candidates that exceed rates, and lack clearance, by the smallest amounts."""
-    rates = JointRateLimit.name, BaseRateLimit.name
-    fast = [entry for entry in screened_out if entry.violation in rates]
+    """The candidates that exceed ranges and rates, and lack clearance, by the smallest amounts."""
     near = [entry for entry in screened_out if entry.violation == ClearanceLimit.name]
-    fast.sort(key=lambda entry: entry.rate_ratio)
+    others = [entry for entry in screened_out if entry.violation != ClearanceLimit.name]
     near.sort(key=lambda entry: entry.clearance_deficit)
-    return fast[:_NEAREST] + near[:_NEAREST]
+    others.sort(key=lambda entry: entry.ratio)
+    return others[:_NEAREST] + near[:_NEAREST]
 
 
 def _with_candidate(plan: Plan, trials: Trials, passed: PassedTrial) -> Plan:
@@ -223,11 +220,8 @@ def _reason(excluded: Mapping[str, int], results: Iterable[LimitResult], count: 
             )
     counts = ", ".join(f"{name} {number}" for name, number in excluded.items())
     tried = f"none of {sum(excluded.values()):,} tried keeps the limits: {counts}"
-    worst = max(violating, key=lambda result: result.ratio, default=None)
-    best = "" if worst is None else (
-        f"; in the best of {count} integrated precisely {all_violations([worst])}"
-    )  # fmt: skip
-    return f"attitudes keep the margin, but {tried}{best}"
+    best = f"in the best of {count} integrated precisely {all_violations(violating)}"
+    return f"attitudes keep the margin, but {tried}" + f"; {best}" * bool(violating)
 
 
 def _attitudes(plan: Plan, count: int) -> Array:

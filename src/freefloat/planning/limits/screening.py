@@ -60,14 +60,14 @@ def screen(
         low, high = again.motions.lower[entries], again.motions.upper[entries]
         ranges = largest_range_ratio(evaluator.problem.model_at(), low, high)
         violations = {JointRangeLimit.name: ranges > 1.0 + _SLACK}
-        rate_ratios, turn_ratios, deficits = np.zeros((3, len(batch)))
+        joint_rates, base_rates, deficits = np.zeros((3, len(batch)))
         if limits is not None and limits.joint_rate is not None:
-            rate_ratios = again.motions.rate_usage(limits.joint_rate)[entries]
+            joint_rates = again.motions.rate_usage(limits.joint_rate)[entries]
         if limits is not None and limits.base_rate is not None:
-            turn_ratios = again.motions.base_rate[entries] / limits.base_rate
-        violations[JointRateLimit.name] = rate_ratios > 1.0 + _SLACK
-        violations[BaseRateLimit.name] = turn_ratios > 1.0 + _SLACK
-        rate_ratios = np.maximum(rate_ratios, turn_ratios)
+            base_rates = again.motions.base_rate[entries] / limits.base_rate
+        violations[JointRateLimit.name] = joint_rates > 1.0 + _SLACK
+        violations[BaseRateLimit.name] = base_rates > 1.0 + _SLACK
+        ratios = np.maximum(ranges, np.maximum(joint_rates, base_rates))
         if pairs is not None:
             left = ~np.any([*violations.values()], axis=0)
             remaining = entries[0][left], entries[1][left]
@@ -76,7 +76,7 @@ def screen(
         for k, attitude in enumerate(attitudes):
             violation = next((name for name, violated in violations.items() if violated[k]), None)
             yield ScreenedCandidate(
-                attitude, int(columns[k]), violation, float(rate_ratios[k]), float(deficits[k])
+                attitude, int(columns[k]), violation, float(ratios[k]), float(deficits[k])
             )
 
 

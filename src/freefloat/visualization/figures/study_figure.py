@@ -78,9 +78,9 @@ def study_figure(
     """
     limiting = table.get("limiting", np.array([], dtype=object))
     known, others = limiting.astype(bool), ~np.isin(limiting.astype(str), _OF_MARGIN)
-    limited = ratios is not None and 2 * np.sum(known & others) > np.sum(known)
+    limited = 2 * np.sum(known & others) > np.sum(known)
     drawn = np.nan_to_num(table["margin"])
-    if ratios is not None and limited:
+    if limited and ratios is not None:
         drawn = np.where(np.isnan(ratios), np.nanmax(ratios), ratios).clip(max=_LARGEST_RATIO)
     every = [key for key in parameters if len(set(table[key].tolist())) > 1]
     strongest = sorted(every, key=lambda key: -_effect(table[key], drawn))[:_MAX_PANELS]
@@ -101,7 +101,8 @@ def study_figure(
     label = f"margin {amount(required[0], unit)}" if len(required) == 1 else ""
     if limited:
         _draw_limiting(histogram, limiting[known], verdicts[known])
-        quantity, unit, required, label = "largest ratio", "1", np.ones(1), "limit"
+        if ratios is not None:
+            quantity, unit, required, label = "largest ratio", "1", np.ones(1), "limit"
     else:
         _draw_histogram(histogram, table["margin"], verdicts)
         histogram.set_xlabel(axis_label(quantity, unit))
