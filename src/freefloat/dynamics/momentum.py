@@ -14,9 +14,8 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from freefloat.errors import require_type
 from freefloat.robot.joint_values import INERTIAL, configuration_vector, finite_after
-from freefloat.robot.model import FreeFloatingModel
+from freefloat.robot.model import FreeFloatingModel, require_model
 from freefloat.so3 import UPRIGHT, Array
 
 CARRIED = [2, 3, 4]
@@ -130,7 +129,7 @@ def configuration(
     model: FreeFloatingModel, joints: npt.ArrayLike, attitude: npt.ArrayLike = UPRIGHT
 ) -> Array:
     """Pinocchio's configuration vector with the root link at the inertial frame's origin."""
-    require_type("model", model, FreeFloatingModel, "FreeFloatingModel.from_urdf(...)")
+    require_model(model)
     if attitude is UPRIGHT:
         return finite_after(INERTIAL, "joints", joints, model.dof)
     return configuration_vector(attitude, joints, model.dof)

@@ -9,9 +9,9 @@ import numpy.typing as npt
 
 from freefloat.dynamics.momentum import conserved, conserved_inertias, momentum_map
 from freefloat.dynamics.plane import Plane
-from freefloat.errors import InputError, finite_vector, require_type
+from freefloat.errors import InputError, finite_vector
 from freefloat.robot.joint_values import finite_after
-from freefloat.robot.model import FreeFloatingModel
+from freefloat.robot.model import FreeFloatingModel, require_model
 from freefloat.rotations import rotation_matrix
 from freefloat.so3 import Array, frozen, turned, unit_quaternion, zeros
 
@@ -45,7 +45,7 @@ class System:
     drift: Array = field(default_factory=zeros)
 
     def __post_init__(self) -> None:
-        require_type("model", self.model, FreeFloatingModel, "FreeFloatingModel.from_urdf(...)")
+        require_model(self.model)
         keys = {"momentum": "momentum", "wheels": "wheels.momentum", "drift": "drift"}
         for name, key in keys.items():
             vector = frozen(finite_vector(key, getattr(self, name), 3))

@@ -7,8 +7,8 @@ from enum import StrEnum
 import pinocchio as pin
 
 from freefloat.dynamics.plane import Plane, plane_of, why_in_no_plane
-from freefloat.errors import InputError, member, require_type
-from freefloat.robot.model import FreeFloatingModel
+from freefloat.errors import InputError, member
+from freefloat.robot.model import FreeFloatingModel, require_model
 from freefloat.so3 import Array
 
 
@@ -105,7 +105,7 @@ def task_rows(model: FreeFloatingModel, task: Task, twists: Array) -> Array:
 
 def applicable(model: FreeFloatingModel, task: Task | str) -> Task:
     """The task, which may be given by its value; an InputError if a robot cannot have it."""
-    require_type("model", model, FreeFloatingModel, "FreeFloatingModel.from_urdf(...)")
+    require_model(model)
     task = task if isinstance(task, Task) else Task.of(task)
     if task.planar:
         required_plane(model, task)

@@ -16,7 +16,7 @@ from freefloat.so3 import Array, Pose, frozen, rotation_vector_between
 
 _CHECKED_AT = np.linspace(0.0, 1.0, 101)
 """Values of s at which a path is checked."""
-_CHECKED, _DEVIATION, _SMALL = (0.217, 0.533, 0.871), 0.01, 1e-6
+_CHECKED, _DEVIATION, _SMALL = (0.217, 0.533, 0.871), 1e-3, 1e-6
 """Values of s at which derivatives are compared with differences, the largest relative deviation,
 and the derivative up to which rounding errors are larger."""
 _FASTEST = 1e3
@@ -54,9 +54,20 @@ class EndEffectorPath:
             "an OrientationLaw, such as FixedOrientation(axes) or SlerpOrientation(start, end)"
         )
         require_type("orientation", self.orientation, OrientationLaw, accepted)
+        self._require_shape()
         if not np.isfinite(self._positions).all():
             raise InputError("curve", "a coordinate is not finite", "finite coordinates")
         self._require_derivatives()
+
+    def _require_shape(self) -> None:
+        """Raise an InputError unless the curve has a point for each of many values of s."""
+        try:
+            shape, problem = np.shape(self._positions), ""
+        except (TypeError, ValueError) as error:
+            shape, problem = (), str(error)
+        if shape != (len(_CHECKED_AT), 3):
+            problem = problem or f"shape {shape} for s of shape {_CHECKED_AT.shape}"
+            raise InputError("curve", problem, "points (K, 3) for s of shape (K,): curve(s, order)")
 
     def _require_derivatives(self) -> None:
         """Raise an InputError where curve or orientation contradict their derivatives."""

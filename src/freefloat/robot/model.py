@@ -416,14 +416,19 @@ class FreeFloatingModel:
             joints: Joint values, shape (n,) or (K, n).
 
         Returns:
-            ``[base position, base quaternion, joints]``, shape (..., 7 + n).
+            ``[base position, base quaternion, joints]``, shape (7 + n,) or (K, 7 + n).
 
         Raises:
-            InputError: If the attitude is no unit quaternion, or the joints are not as many finite
-                numbers as move.
+            InputError: If the attitude is no unit quaternion, the joints are not as many finite
+                numbers as move, or there are not as many of both.
         """
-        if np.ndim(joints) == 2:
-            states = zip(np.asarray(attitude), np.asarray(joints), strict=True)
+        if 2 in (np.ndim(attitude), np.ndim(joints)):
+            attitudes, rows = np.atleast_2d(attitude), np.atleast_2d(joints)
+            count = max(len(attitudes), len(rows))
+            if {len(attitudes), len(rows)} - {1, count}:
+                accepted = f"shape ({len(attitudes)}, {self.dof}), joints for each attitude"
+                raise InputError("joints", f"shape {rows.shape} was given", accepted)
+            states = ((attitudes[k % len(attitudes)], rows[k % len(rows)]) for k in range(count))
             return np.array([self.configuration(*state) for state in states])
         q = configuration_vector(attitude, joints, self.dof)
         q[:3] = -pin.centerOfMass(self.pin_model, self.scratch, q)
@@ -491,3 +496,9 @@ class FreeFloatingModel:
         difference = np.asarray(first)[..., arm] - np.asarray(second)[..., arm]
         modulo = np.where(self.prismatic[arm], difference, wrapped(difference))
         return np.asarray(np.abs(modulo).max(axis=-1))
+
+
+def require_model(value: object) -> None:
+    """Raise an InputError unless the value is a robot."""
+    accepted = "FreeFloatingModel.from_urdf(...), or from_pinocchio(...) of a pin.Model"
+    require_type("model", value, FreeFloatingModel, accepted)

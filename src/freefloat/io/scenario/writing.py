@@ -21,6 +21,7 @@ from freefloat.limits.limits import Limits, limits_for
 from freefloat.motion.problem import Problem
 from freefloat.planning.objectives import NAMED, Weights
 from freefloat.planning.settings import Search
+from freefloat.robot.source import URDF_TEXT
 
 
 def scenario_of(
@@ -33,9 +34,9 @@ def scenario_of(
 ) -> Scenario:
     """Scenario that poses a problem: the inverse of :meth:`Scenario.problem`.
 
-    Its robot is that of the problem. The text names the URDF that this came from, or, where parts
-    or masses are not those of the URDF, the file ``robot.urdf``, into which
-    ``problem.model.description.text`` is to be written.
+    Its robot is that of the problem. The text names the URDF that this came from, or, where there
+    is none or parts or masses are not those of the URDF, the file ``robot.urdf``, into which
+    ``problem.model.description.text`` is to be written; files of points are in ``samples``.
 
     Args:
         problem: The problem of the path.
@@ -49,6 +50,7 @@ def scenario_of(
             phase.
     """
     model = problem.model
+    unnamed = model.description.altered or model.description.source == URDF_TEXT
     stated, timing = problem.path.stated
     margin = problem.margin
     search = search or Search(joints=problem.start_joints)
@@ -61,7 +63,7 @@ def scenario_of(
         path["frame"] = problem.path.frame
     sections: dict[str, dict[str, Any]] = {
         "robot": {
-            "urdf": "robot.urdf" if model.description.altered else model.description.source,
+            "urdf": "robot.urdf" if unnamed else model.description.source,
             "end_effector": model.end_effector,
             "base": str(model.base) if model.on_table else None,
             "gravity": model.gravity or None,
