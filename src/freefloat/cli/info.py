@@ -118,9 +118,12 @@ def _tables(summary: RobotSummary, default_link: bool) -> Iterator[RenderableTyp
         yield f"arm {name}, to {link}, moves along a joint curve; lengths and reach are for zero"
     for name, link in model.path_arms.items():
         yield f"arm {name}, to {link}, follows a path of its own; lengths and reach are for zero"
+    origin = "the centre of mass"
+    if model.on_table and not summary.task.planar:
+        origin = "the origin: on the vertical of the centre of mass, at the height of the root link"
     yield (
         f"barycentric lengths {decimals(summary.lengths)} m; the end-effector reaches "
-        f"{summary.reach[0]:.5f} to {summary.reach[1]:.5f} m from the centre of mass"
+        f"{summary.reach[0]:.5f} to {summary.reach[1]:.5f} m from {origin}"
     )
     yield (
         f"{measure.name}: {measure.definition}; found over the joint space: from "

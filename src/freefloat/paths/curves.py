@@ -42,7 +42,11 @@ class Segmented:
 
 
 class Curve(Segmented, ABC):
-    """A position [m] as a function of s."""
+    """A position [m] as a function of s.
+
+    One whose third derivative jumps, as at the knots of a cubic spline, states where in ``breaks``;
+    plans and maps refuse it otherwise.
+    """
 
     @abstractmethod
     def __call__(self, s: float | Array, order: int = 0) -> Array:

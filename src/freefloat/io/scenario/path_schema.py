@@ -120,7 +120,11 @@ class FollowSection(Section):
 
 
 class PointAtSection(Section):
-    """An axis toward a point."""
+    """An axis toward a point.
+
+    The next axis (y after x, z after y, x after z) is as near as possible to the inertial axis that
+    is farthest from all lines of sight.
+    """
 
     target: Vector
     """The point [m]."""
