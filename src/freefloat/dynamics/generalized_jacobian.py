@@ -24,7 +24,7 @@ from freefloat.dynamics.tasks import (
     required_plane,
 )
 from freefloat.errors import InputError
-from freefloat.robot.joint_values import finite_after
+from freefloat.robot.joint_values import INERTIAL, finite_after
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array
 
@@ -145,7 +145,7 @@ def generalized_jacobian(
     task = applicable(model, task)
     if getattr(joints, "ndim", 1) == 2:
         return stacked(lambda q: (generalized_jacobian(model, q, task),), joints)[0]
-    A_G, J = _maps(model, joints, task)
+    A_G, J = (_maps if task.planar else _spatial_maps)(model, joints, task)
     A_G = np.asfortranarray(A_G)  # solved in place
     _, _, base, singular = dgesv(A_G[:, :6], A_G[:, 6:], 1, 1)
     if singular:
@@ -208,12 +208,14 @@ def _spatial_maps(
     model: FreeFloatingModel, joints: npt.ArrayLike, task: Task
 ) -> tuple[Array, Array]:
     robot, data, axes = model.pin_model, model.scratch, task.reference_frame
-    A_G = pin.computeCentroidalMap(robot, data, configuration(model, joints))
+    q = finite_after(INERTIAL, "joints", joints, model.dof)
+    A_G = pin.computeCentroidalMap(robot, data, q)
     J = pin.getFrameJacobian(robot, data, model.frame_id, axes)
     if model.path_arms:
         others = [pin.getFrameJacobian(robot, data, frame, axes) for frame in model.frame_ids[1:]]
         J = np.vstack([J, *others])
-    A_G = conserved(model, A_G)
+    if model.on_table:
+        A_G = conserved(model, A_G)
     if model.arms:
         return A_G[:, : 6 + model.arm_dof], J[:, : 6 + model.arm_dof]
     return A_G, J

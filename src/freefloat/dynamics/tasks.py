@@ -53,10 +53,11 @@ class Task(StrEnum):
         """Axes of the rows: those of the end-effector for ``pointing``, otherwise the inertial."""
         return pin.LOCAL if self is Task.POINTING else pin.LOCAL_WORLD_ALIGNED
 
-    @property
-    def planar(self) -> bool:
-        """Whether the motion is confined to a plane."""
-        return self.startswith("planar-")
+    planar: bool
+    """Whether the motion is confined to a plane."""
+
+    def __init__(self, value: str) -> None:
+        self.planar = value.startswith("planar-")
 
     @property
     def prescribes_orientation(self) -> bool:
@@ -105,7 +106,8 @@ def task_rows(model: FreeFloatingModel, task: Task, twists: Array) -> Array:
 
 def applicable(model: FreeFloatingModel, task: Task | str) -> Task:
     """The task, which may be given by its value; an InputError if a robot cannot have it."""
-    require_model(model)
+    if not isinstance(model, FreeFloatingModel):  # a call costs more than the question
+        require_model(model)
     task = task if isinstance(task, Task) else Task.of(task)
     if task.planar:
         required_plane(model, task)

@@ -337,7 +337,7 @@ class FreeFloatingModel:
             int(self.pin_model.getFrameId(link, pin.BODY)) for link in self.end_effector_links
         )
 
-    @property
+    @cached_property
     def frame_id(self) -> int:
         """Pinocchio's index of the end-effector frame."""
         return self.frame_ids[0]
