@@ -12,7 +12,7 @@ from pathlib import Path
 
 import freefloat as ff
 from freefloat.robot.bundled import bundled_scenarios
-from freefloat.verification.report import CheckReport
+from freefloat.verification.check import CheckReport
 
 HEADINGS = (
     f"{'scenario':30} {'measure':>7} {'minimum':>9} {'bound':>6} {'position':>8} {'angle':>8}"

@@ -112,7 +112,7 @@ class ResultKind:
     values: str = ""
     tables: str = ""
     decode: str = ""
-    codec: str = "verification.codec:CODEC"
+    codec: str = "verification.leaves:CODEC"
     has_scenario: bool = True
 
 
@@ -161,7 +161,7 @@ RESULT_KINDS = {
     "map": ResultKind(
         "planning.margin_map:HeadingMap",
         "visualization.figures.figures:heading_map_figures",
-        "visualization.scenes.heading_scene:heading_scene",
+        "visualization.scenes.map_scene:heading_scene",
         "verification.margin_maps:map_report",
         "studies.record_values:heading_map_values",
     ),

@@ -24,8 +24,7 @@ from freefloat.dynamics.momentum import inertia_matrices
 from freefloat.errors import FreeFloatError
 from freefloat.motion.problem import Problem
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.verification.check import recomputed
-from freefloat.verification.report import CheckReport
+from freefloat.verification.check import CheckReport, recomputed
 from tests.commands import document
 from tests.test_result_kinds import IDENTITY
 from tests.test_result_kinds import result as usual_result

@@ -15,16 +15,16 @@ import freefloat as ff
 from freefloat.robot.bundled import find_robot
 from freefloat.robot.meshes import Mesh
 from freefloat.robot.robot_packages import examples_folder
-from freefloat.visualization.scenes.visuals import RobotVisuals, Visual, robot_visuals
+from freefloat.visualization.scenes.visuals import Visual, Visuals, robot_visuals
 from tests.robots import inertial_text, joint_text, link_text
 
 
-def named(visuals: RobotVisuals, name: str) -> Visual:
+def named(visuals: Visuals, name: str) -> Visual:
     (match,) = [visual for visual in visuals.shapes if visual.name == name]
     return match
 
 
-def link_visuals(visuals: RobotVisuals, link: str) -> list[Visual]:
+def link_visuals(visuals: Visuals, link: str) -> list[Visual]:
     return [item for item in visuals.shapes if re.fullmatch(rf"{link}( \d+)?", item.name)]
 
 

@@ -16,8 +16,8 @@ from freefloat.cli.console import DONE, NEGATIVE, Console, table
 from freefloat.cli.options import Json, MotionFile, Quiet
 
 if TYPE_CHECKING:
+    from freefloat.verification.check import CheckReport
     from freefloat.verification.comparisons import Check
-    from freefloat.verification.report import CheckReport
 
 _Engine = Annotated[
     str | None,
@@ -48,10 +48,10 @@ def check(
     from freefloat.io.hdf5 import AlteredFileError
     from freefloat.io.records.results import GIVEN, UNVERIFIED, load
     from freefloat.io.scenario.yaml import error_context
+    from freefloat.verification.check import CheckReport
     from freefloat.verification.check import check as verify
     from freefloat.verification.comparisons import Check
     from freefloat.verification.engine import PINOCCHIO, other_engine
-    from freefloat.verification.report import CheckReport
 
     other_engine(engine or PINOCCHIO)
     console = Console(as_json, quiet)

@@ -15,7 +15,6 @@ import numpy.typing as npt
 import yaml
 
 from freefloat.errors import InputError
-from freefloat.io.scenario.sampled_paths import sample_texts
 from freefloat.io.scenario.scenario import Scenario
 from freefloat.io.scenario.schema import ScenarioFile
 from freefloat.io.scenario.yaml import section_at, validated
@@ -115,7 +114,7 @@ def scenario_from(document: dict[str, Any], source: Path) -> Scenario:
     """The scenario with the given data; the source is its file, for relative paths."""
     content = validated(ScenarioFile, document, source)
     text = yaml.safe_dump(document, sort_keys=False)
-    return Scenario(source, text, content, sample_texts(content, source.parent))
+    return Scenario(source, text, content, content.sample_texts(source.parent))
 
 
 def with_values(document: dict[str, Any], values: dict[str, Any]) -> dict[str, Any]:

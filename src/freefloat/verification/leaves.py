@@ -14,9 +14,16 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from freefloat.kinds import kind_of, named
-from freefloat.records import Known, Origin, Quantity, Tree
+from freefloat.limits.limits import Limits
+from freefloat.motion.problem import Problem
+from freefloat.planning.settings import Search
+from freefloat.records import Codec, Known, Origin, Quantity, Tree
+from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array, BoolArray
 from freefloat.verification.comparisons import Check
+
+CODEC = Codec((Problem, Search, Limits, FreeFloatingModel))
+"""Codec of results: files store scenario and robot as texts."""
 
 
 class _Rule(NamedTuple):

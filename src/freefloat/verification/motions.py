@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from copy import copy
 from dataclasses import replace
 from typing import Any
@@ -117,6 +117,21 @@ def same_results(
         _as_stated(limit, motion, known.get(limit.name), limit.worst(motion))
         for limit in checker.limits
     )
+
+
+def limit_checks(results: Iterable[LimitResult], claimed: bool) -> Iterator[Check]:
+    """Every recomputed limit, where a motion is claimed to keep it or not.
+
+    Whether what is stated of it is true is compared elsewhere.
+    """
+    for entry in results:
+        passed, detail = entry.kept or not claimed, entry.where
+        if not passed:
+            detail = f"{detail} violates it: {entry.worst:.6g} at t = {entry.time:.6g} s"
+        yield Check(
+            f"limit {entry.label}", passed, detail, None, entry.worst, entry.bound, entry.unit,
+            entry.time, entry.relation,
+        )  # fmt: skip
 
 
 def _as_stated(

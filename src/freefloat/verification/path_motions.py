@@ -18,6 +18,7 @@ from freefloat.planning.plan import Plan
 from freefloat.planning.reasons import Verdict, verdict_on
 from freefloat.planning.simulation import Simulation
 from freefloat.records import Known, Origin
+from freefloat.verification.check import CheckReport
 from freefloat.verification.comparisons import (
     Check,
     arms_check,
@@ -28,14 +29,13 @@ from freefloat.verification.comparisons import (
     start_check,
 )
 from freefloat.verification.engine import EngineRuns, other_engine
-from freefloat.verification.limit_checks import limit_checks
 from freefloat.verification.motions import (
     bound_checks,
     known_branch,
+    limit_checks,
     same_certificate,
     same_results,
 )
-from freefloat.verification.report import CheckReport
 
 
 def plan_report(plan: Plan, engine: str, phase: Plan | None = None) -> tuple[CheckReport, Known]:

@@ -11,6 +11,7 @@ import numpy as np
 
 from freefloat.attitude_grids import even_directions
 from freefloat.ensemble.feasibility import FeasibilityEvaluator, regularity
+from freefloat.ensemble.result import EnsembleResult
 from freefloat.ensemble.systems import Systems
 from freefloat.limits.check import attitude_limits
 from freefloat.motion.integration import integrate_motion
@@ -211,12 +212,6 @@ def _ball_check(evaluator: FeasibilityEvaluator, plan: Plan, chosen: SimulatedBr
     return Check("robust radius", not failed, words, radius, float(failed), 0.0, "attitudes fail")
 
 
-def _enclose(shortest: float, longest: float, duration: float) -> bool:
-    """Whether two tolerated durations enclose the planned one, and a search tries both [s]."""
-    least, most = _INSIDE * duration / LONGEST, LONGEST * duration / _INSIDE
-    return least <= shortest <= duration <= longest <= most
-
-
 def _tolerance_check(
     evaluator: FeasibilityEvaluator, stated: Tolerance, chosen: SimulatedBranch
 ) -> Check:
@@ -226,23 +221,23 @@ def _tolerance_check(
     are integrated precisely.
     """
     problem, start = evaluator.problem, chosen.motion.initial
-    shortest, longest = stated.shortest, stated.longest
-    if not _enclose(shortest, longest, problem.path.duration):
+    shortest, longest, planned = stated.shortest, stated.longest, problem.path.duration
+    least, most = _INSIDE * planned / LONGEST, LONGEST * planned / _INSIDE
+    if not least <= shortest <= planned <= longest <= most:  # a search tries no others
         words = (
             f"durations from {shortest:.6g} to {longest:.6g} s do not enclose the planned one "
             f"within a factor of {LONGEST:g}"
         )
         return Check("tolerance", False, words, shortest, unit="s")
-    directions = even_directions(_DIRECTIONS)
     tolerated = _INSIDE * stated.momentum
 
+    def integrated(momenta: Array) -> EnsembleResult:
+        rows = (len(momenta), 1)
+        attitudes, joints = np.tile(start.attitude, rows), np.tile(start.joints, rows)
+        return evaluator.integrator.integrate(attitudes, joints, Systems.of(problem, momenta))
+
     def values(deviations: Array) -> Array:
-        K = len(deviations)
-        states = np.tile(start.attitude, (K, 1)), np.tile(start.joints, (K, 1))
-        motions = evaluator.integrator.integrate(
-            *states, Systems.of(problem, problem.momentum + deviations)
-        )
-        return regularity(motions, problem.margin.threshold)
+        return regularity(integrated(problem.momentum + deviations), problem.margin.threshold)
 
     outside = np.zeros((0, 3))
     if tolerated:  # zero claims nothing beside the motion itself
@@ -251,20 +246,16 @@ def _tolerance_check(
         h = np.round(problem.momentum + outside[0], 6).tolist()
         words = f"the momentum {h} N m s violates the margin or nears another singularity"
         return Check("tolerance", False, words, stated.momentum, unit="N m s")
-    momenta = problem.momentum + tolerated * directions
-    states = np.tile(start.attitude, (_DIRECTIONS, 1)), np.tile(start.joints, (_DIRECTIONS, 1))
-    ensemble = evaluator.integrator.integrate(*states, Systems.of(problem, momenta))
-    worst = [*momenta[np.argsort(ensemble.minimum)[:_PRECISE_COUNT]]]
+    momenta = problem.momentum + tolerated * even_directions(_DIRECTIONS)
+    worst = momenta[np.argsort(integrated(momenta).minimum)[:_PRECISE_COUNT]]
     changes = [
-        (replace(problem, momentum=h), f"momentum {np.round(h, 6).tolist()}", "N m s",
-         stated.momentum)
+        (replace(problem, momentum=h), f"momentum {h.round(6).tolist()}", "N m s", stated.momentum)
         for h in worst
-    ]  # fmt: skip
+    ]
     if problem.depends_on_timing:
-        planned = problem.path.duration
         least, most = min(shortest / _INSIDE, planned), max(longest * _INSIDE, planned)
         for duration, end in ((least, shortest), (most, longest)):
-            system = problem.system.scaled(duration / problem.path.duration)
+            system = problem.system.scaled(duration / planned)
             changes.append((problem.with_system(system), f"duration {duration:.6g}", "s", end))
     for changed, words, unit, value in changes:
         if not _keeps_margin(changed, evaluator.limits, start.attitude, start.joints):

@@ -24,9 +24,8 @@ from freefloat.so3 import Array
 
 COLUMN, PAGE = 3.5, 7.16
 """Widths of a column and of a page of the IEEE Transactions [inch]."""
-BLACK, ORANGE, SKY, GREEN, BLUE, VERMILION, PURPLE = (
-    "#000000", "#E69F00", "#56B4E9", "#009E73", "#0072B2", "#D55E00", "#CC79A7",
-)  # fmt: skip
+_OKABE_ITO = "#000000 #E69F00 #56B4E9 #009E73 #0072B2 #D55E00 #CC79A7"
+BLACK, ORANGE, SKY, GREEN, BLUE, VERMILION, PURPLE = _OKABE_ITO.split()
 """Okabe-Ito colours without yellow."""
 GREY, LIGHT, PALE = "#767676", "#B8B8B8", "#E4E4E4"
 STROKES = tuple(
@@ -104,6 +103,10 @@ class _NotebookFigure(Figure):
         return _png(self)
 
 
+Drawings = dict[str, Callable[[], Figure]]
+"""Functions that draw figures, by name."""
+
+
 class Figures(Mapping[str, Figure]):
     """Figures by name, drawn when they are asked for; a notebook shows one below the other.
 
@@ -111,8 +114,8 @@ class Figures(Mapping[str, Figure]):
         drawings: Functions that draw the figures, by name.
     """
 
-    def __init__(self, drawings: Mapping[str, Callable[[], Figure]]) -> None:
-        self.drawings = dict(drawings)
+    def __init__(self, drawings: Drawings) -> None:
+        self.drawings = drawings
         self._drawn: dict[str, Figure] = {}
 
     def __getitem__(self, name: str) -> Figure:
@@ -125,9 +128,6 @@ class Figures(Mapping[str, Figure]):
 
     def __len__(self) -> int:
         return len(self.drawings)
-
-    def __or__(self, others: Figures) -> Figures:
-        return Figures(self.drawings | others.drawings)
 
     def _repr_html_(self) -> str:
         pictures = (base64.b64encode(_png(figure)).decode() for figure in self.values())

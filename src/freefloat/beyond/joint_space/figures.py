@@ -28,6 +28,7 @@ from freefloat.visualization.figure_style import (
     BLACK,
     COLUMN,
     PAGE,
+    Drawings,
     Figures,
     axis_label,
     new_figure,
@@ -47,9 +48,9 @@ _PAIRED = 4
 _CAPTION_LENGTH = 110
 
 
-def map_figures(found: SingularityMap, *_: Any) -> Figures:
+def map_figures(found: SingularityMap, *_: Any) -> Drawings:
     """The figures of a map of the joint space."""
-    return singularity_figures(found)
+    return singularity_figures(found).drawings
 
 
 def singularity_figures(found: SingularityMap, at: npt.ArrayLike | None = None) -> Figures:

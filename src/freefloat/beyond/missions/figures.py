@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -17,7 +18,7 @@ from freefloat.planning.answer import PhaseResult
 from freefloat.so3 import Array, angle_between
 from freefloat.visualization.figure_style import (
     MARGIN_LINE,
-    Figures,
+    Drawings,
     amount,
     axis_label,
     digits,
@@ -36,23 +37,24 @@ _ANGLE = 1.5
 """Height of the axes of an angle [inch]."""
 
 
-def goal_figures(result: GoalMotion, threads: int | None, progress: Progress | None) -> Figures:
+def goal_figures(result: GoalMotion, *_: Any) -> Drawings:
     """The figures of a motion to a goal."""
     motion = result.phases[0].shown_motion
     if motion is None:
-        return Figures({})
-    return drawn_motion_figures(motion, threads, progress) | angle_figures(motion, result.limits)
+        return {}
+    return drawn_motion_figures(motion) | angle_figures(motion, result.limits)
 
 
 def manoeuvre_figures(
     manoeuvre: Manoeuvre, threads: int | None, progress: Progress | None
-) -> Figures:
+) -> Drawings:
     """The figures of a manoeuvre."""
-    moves = any(phase.motion is not None for phase in manoeuvre.phases)
-    drawn = Figures({"manoeuvre": partial(_manoeuvre_figure, manoeuvre)} if moves else {})
+    drawn: Drawings = {}
+    if any(phase.motion is not None for phase in manoeuvre.phases):
+        drawn["manoeuvre"] = partial(_manoeuvre_figure, manoeuvre)
     name = next((phase.name for phase in manoeuvre.phases if phase.kind == "path"), "path")
-    first = plan_figures(manoeuvre.path, threads, progress).drawings
-    return drawn | Figures({key: partial(_of_phase, name, draw) for key, draw in first.items()})
+    first = plan_figures(manoeuvre.path, threads, progress)
+    return drawn | {key: partial(_of_phase, name, draw) for key, draw in first.items()}
 
 
 @styled

@@ -6,8 +6,16 @@ import numpy as np
 from pydantic import model_validator
 
 from freefloat.beyond.missions.goals.goal import Goal
-from freefloat.io.scenario.field_types import Name, Number, Positive, Quaternion, Section, Vector
-from freefloat.io.scenario.orientation_section import Orientation, rotation_of
+from freefloat.io.scenario.field_types import (
+    Name,
+    Number,
+    Orientation,
+    Positive,
+    Quaternion,
+    Section,
+    Vector,
+    rotation_of,
+)
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Pose
 

@@ -17,11 +17,10 @@ from freefloat.motion.motion import Ending, Motion
 from freefloat.motion.problem import Problem
 from freefloat.records import Known, Origin
 from freefloat.so3 import Array, angle_between
+from freefloat.verification.check import CheckReport
 from freefloat.verification.comparisons import Check, completed, error_check, span_check
 from freefloat.verification.engine import other_engine
-from freefloat.verification.limit_checks import limit_checks
-from freefloat.verification.motions import MOTION, same_results
-from freefloat.verification.report import CheckReport
+from freefloat.verification.motions import MOTION, limit_checks, same_results
 
 _COMPLETED = MOTION._replace(values={**MOTION.values, "ending": Ending.COMPLETED})
 _STATE_ERROR, _PRECISE, _ENGINE = 1e-8, 1e-13, 1e-4

@@ -22,10 +22,10 @@ from freefloat.planning.plan import Plan
 from freefloat.planning.settings import Search
 from freefloat.records import Codec, Tree
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.verification import codec
+from freefloat.verification import leaves
 
 CODEC = Codec(
-    (*codec.CODEC.context, tuple[Phase, ...]), {Finding: (Plan, GoalMotion, PlannedCapture)}
+    (*leaves.CODEC.context, tuple[Phase, ...]), {Finding: (Plan, GoalMotion, PlannedCapture)}
 )
 """Codec of manoeuvres: their phases are stored in the text of the scenario, too."""
 

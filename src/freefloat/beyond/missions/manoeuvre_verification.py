@@ -26,9 +26,9 @@ from freefloat.planning.plan import Plan
 from freefloat.records import Known, Origin
 from freefloat.rotations import rotation_matrix
 from freefloat.so3 import Array, angle_between
+from freefloat.verification.check import CheckReport
 from freefloat.verification.comparisons import Check, error_check
 from freefloat.verification.path_motions import plan_report
-from freefloat.verification.report import CheckReport
 
 _STATE_ERROR = 1e-8
 """Errors of states handed on [rad, m]."""

@@ -28,9 +28,8 @@ from freefloat.io.scenario.field_types import (
     Vector,
     exactly_one_of,
 )
-from freefloat.io.scenario.path_schema import FrameName, PathSection
+from freefloat.io.scenario.path_schema import FrameName, PathSection, TimingSection, timing_content
 from freefloat.io.scenario.path_section import path_of, section_of
-from freefloat.io.scenario.timing_section import TimingSection, timing_content
 from freefloat.motion.problem import Problem
 from freefloat.paths.relative_path import RelativePath
 from freefloat.paths.timed_path import TimedPath

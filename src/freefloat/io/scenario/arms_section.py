@@ -75,11 +75,6 @@ class ArmSection(Section):
     follows the scenario's path has no law."""
 
 
-def moving_arms(arms: Mapping[str, ArmSection]) -> dict[str, str]:
-    """End-effector links of the arms that move beside the one on the path, by name."""
-    return {name: arm.end_effector for name, arm in arms.items() if arm.law not in (None, "held")}
-
-
 def paths_of_arms(arms: Mapping[str, ArmSection]) -> dict[str, PathSection]:
     """The paths of further arms that follow one of their own, by name."""
     return {name: arm.law.path for name, arm in arms.items() if isinstance(arm.law, OwnPathLaw)}

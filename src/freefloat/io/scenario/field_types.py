@@ -1,4 +1,4 @@
-"""Types of the values in scenario and study files, and the base class of their sections."""
+"""Types of the values in scenario and study files, orientations, the base class of sections."""
 
 from __future__ import annotations
 
@@ -7,11 +7,21 @@ import inspect
 import math
 import textwrap
 from itertools import pairwise
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
+import numpy as np
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    model_validator,
+)
 
 from freefloat.errors import LARGEST_NUMBER, LARGEST_SEED
+from freefloat.rotations import Rotation, rotation_matrix
+from freefloat.so3 import Array, axes_rotation, unit_quaternion
 
 Name = Annotated[str, Field(min_length=1)]
 Number = Annotated[float, Field(strict=True, ge=-LARGEST_NUMBER, le=LARGEST_NUMBER)]
@@ -41,6 +51,14 @@ class Section(BaseModel):
     """A mapping of a file: unknown keys are errors, numbers are finite."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    def attributes(self) -> dict[str, Any]:
+        """Values by attributes of a record: angles, whose keys end in ``_deg``, in radians."""
+        values = self.model_dump()
+        for key in [key for key in values if key.endswith("_deg")]:
+            angle = values.pop(key)
+            values[key.removesuffix("_deg")] = None if angle is None else float(np.radians(angle))
+        return values
 
     @classmethod
     def __get_pydantic_json_schema__(cls, core_schema: Any, handler: Any) -> Any:
@@ -80,3 +98,44 @@ def exactly_one_of(*names: str) -> Any:
         return section
 
     return model_validator(mode="after")(check)
+
+
+Axes = Annotated[dict[Literal["x", "y", "z"], Vector], Field(min_length=2, max_length=2)]
+
+
+class OrientationSection(Section):
+    """An orientation: quaternion, roll-pitch-yaw angles or two axes."""
+
+    quaternion: Quaternion | None = None
+    """x, y, z, w."""
+    rpy: RollPitchYaw | None = None
+    """Roll, pitch, yaw about the inertial x, y, z axes in this order [rad]."""
+    axes: Axes | None = None
+    """Inertial directions of two of its axes x, y, z; the first one is exact."""
+
+    _exactly_one = exactly_one_of("quaternion", "rpy", "axes")
+
+
+Orientation = Annotated[
+    OrientationSection,
+    BeforeValidator(
+        lambda value: {"quaternion": value} if isinstance(value, list) else value,
+        json_schema_input_type=OrientationSection | Quaternion,
+    ),
+]
+
+
+def rotation_of(section: OrientationSection, key: str) -> Array:
+    """Axes of an orientation in the frame of its section, shape (3, 3)."""
+    if section.quaternion is not None:
+        return rotation_matrix(unit_quaternion(f"{key}.quaternion", section.quaternion))
+    if section.rpy is not None:
+        return np.asarray(Rotation.from_rpy(section.rpy).as_matrix())
+    first, second = (section.axes or {}).items()
+    return axes_rotation(f"{key}.axes", first, second)
+
+
+def quaternion_of(axes: Array) -> list[float]:
+    """The content of a section that describes axes (3, 3): a quaternion x, y, z, w."""
+    quaternion: list[float] = Rotation.from_matrix(axes).as_quat().tolist()
+    return quaternion

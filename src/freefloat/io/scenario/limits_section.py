@@ -144,9 +144,8 @@ def _content(value: Value, bound: Any, joints: tuple[str, ...]) -> Any:
 def _pointing_limit(key: str, section: PointingSection, model: FreeFloatingModel) -> PointingLimit:
     names = ("axis", "angle", "target", "body")
     with file_keys(**{name: f"{key}.{name}" for name in names}):
-        axis, angle = np.array(section.axis), float(np.radians(section.angle_deg))
-        target = section.target.model_dump()
-        limit = PointingLimit(section.body, axis, angle, section.keep, **target, name=section.name)
+        arguments = section.attributes()
+        limit = PointingLimit(**arguments.pop("target"), **arguments)
         limit.require_body(model, "body")
     return limit
 

@@ -1,7 +1,8 @@
-"""Keys of a path in scenario files."""
+"""Keys of a path and of its time law in scenario files."""
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from enum import StrEnum
 from itertools import zip_longest
 from typing import Annotated, Any, Literal, get_args
@@ -14,13 +15,15 @@ from freefloat.io.scenario.field_types import (
     Coefficients,
     Name,
     Number,
+    Orientation,
     Section,
     Vector,
     exactly_one_of,
 )
-from freefloat.io.scenario.orientation_section import Orientation
 from freefloat.io.scenario.yaml import file_keys
 from freefloat.paths.curves import ArcCurve, Curve, PolynomialCurve, SplineCurve
+from freefloat.paths.time_laws import TimeLaw
+from freefloat.paths.timing import Stop, Timing
 
 
 class CurveSection(Section):
@@ -220,3 +223,37 @@ def inexpressible(
     """The error of a value that scenario files cannot describe."""
     problem = f"scenario files cannot describe the class {type(value).__name__}"
     return InputError(key, problem, accepted)
+
+
+class StopSection(Section):
+    """An instant at which the end-effector rests."""
+
+    s: Number
+    """Path parameter, in (0, 1)."""
+    t: Number
+    """Time [s]."""
+
+
+class TimingSection(Section):
+    """Time law of the path."""
+
+    duration: Number
+    """Duration of the whole motion [s]."""
+    law: TimeLaw = TimeLaw.QUINTIC
+    """Time law between rests."""
+    stops: list[StopSection] = Field(default=[])
+    """Rests between start and end."""
+    speeds: list[tuple[Number, ...]] = Field(default=[])
+    """Times [s] and speeds ds/dt [1/s] of the law ``optimal``, linear in between, or with d²s/dt²
+    [1/s²] in a third column cubic, from rest to rest. Without them ``plan`` finds the fastest
+    timing; until then the law is quintic."""
+
+    def to_timing(self) -> Timing:
+        """The time law; raises an InputError if it is invalid."""
+        stops = tuple(Stop(stop.s, stop.t) for stop in self.stops)
+        return Timing(self.duration, self.law, stops, tuple(self.speeds))
+
+
+def timing_content(timing: Timing) -> dict[str, Any]:
+    """Content of the ``timing`` section that describes a time law."""
+    return asdict(timing) | {"law": str(timing.law)}

@@ -13,7 +13,7 @@ import numpy as np
 from freefloat.dynamics.summary import frames_at
 from freefloat.dynamics.tasks import Task
 from freefloat.errors import InputError
-from freefloat.io.scenario.orientation_section import quaternion_of, rotation_of
+from freefloat.io.scenario.field_types import quaternion_of, rotation_of
 from freefloat.io.scenario.path_schema import (
     AttitudeSection,
     FollowSection,

@@ -13,7 +13,6 @@ from pydantic import Field
 from freefloat.errors import InputError
 from freefloat.io.scenario.arms_section import (
     ArmSection,
-    moving_arms,
     paths_of_arms,
 )
 from freefloat.io.scenario.field_types import (
@@ -161,7 +160,8 @@ class RobotSection(Section):
     @property
     def moving_arms(self) -> dict[str, str]:
         """End-effector links of further arms that move, by name."""
-        return moving_arms(self.arms)
+        arms = self.arms.items()
+        return {name: arm.end_effector for name, arm in arms if arm.law not in (None, "held")}
 
     def source(self, scenario: Path) -> RobotSource:
         """The file of the robot, before anything is assembled with it.
@@ -178,8 +178,8 @@ class RobotSection(Section):
     def parts(self, scenario: Path) -> list[Attachment]:
         """Further URDFs; raises the InputErrors of :meth:`source`."""
         packages = self._packages(scenario.parent)
-        return [part.to_attachment(scenario, f"robot.attached.{index}.", packages)
-                for index, part in enumerate(self.attached)]  # fmt: skip
+        numbered = enumerate(self.attached)
+        return [p.to_attachment(scenario, f"robot.attached.{k}.", packages) for k, p in numbered]
 
     def _packages(self, folder: Path) -> dict[str, Path]:
         return {name: folder / place for name, place in self.packages.items()}

@@ -19,12 +19,12 @@ from freefloat.dynamics.system import System
 from freefloat.errors import InputError
 from freefloat.io.scenario.arms_section import curves_of, paths_of_arms
 from freefloat.io.scenario.limits_section import limits_of
+from freefloat.io.scenario.path_schema import PathSection
 from freefloat.io.scenario.path_section import frame_of, path_of, timed_path
 from freefloat.io.scenario.planned import PlannedScenario
 from freefloat.io.scenario.robot_section import RobotFile
-from freefloat.io.scenario.sampled_paths import sample_texts
 from freefloat.io.scenario.scene_section import FileShapes
-from freefloat.io.scenario.schema import OF_PATHS, ScenarioFile, WeightsSection
+from freefloat.io.scenario.schema import OF_PATHS, ScenarioFile
 from freefloat.io.scenario.yaml import error_context, file_keys, parse_yaml, read_text, validated
 from freefloat.kinds import SECTIONS, named
 from freefloat.limits.limits import Limits
@@ -33,15 +33,13 @@ from freefloat.motion.problem import Problem
 from freefloat.paths.path_stack import PathStack
 from freefloat.paths.timed_path import TimedPath
 from freefloat.paths.timing import Timing
-from freefloat.planning.objective import Objective
-from freefloat.planning.objectives import objective_of
 from freefloat.planning.settings import Search
 from freefloat.robot.bundled import find_scenario
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.source import RobotSource
 from freefloat.scene.scene import Scene
 from freefloat.singularities.global_maximum import largest_magnitude
-from freefloat.so3 import Array, Pose, frozen, unit_quaternion
+from freefloat.so3 import Pose
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,23 +85,25 @@ class Scenario(PlannedScenario):
 
     @cached_property
     def _problem(self) -> Problem:
-        content = self.content
-        model = self.model()
-        folder = self.source.parent
+        content, model = self.content, self.model()
         arms = curves_of(content.robot.arms, model, self.source, content.timing.duration)
-        if content.goal is not None:
-            with self.error_context():
+        with self.error_context():
+            if content.goal is not None:
                 problem = "the scenario has a goal in place of a path"
                 raise InputError("goal", problem, "path, timing and task; plan finds the motion")
-        with self.error_context():
-            scene = content.scene.to_scene(folder, self.shapes)
-            now = arms.at(0.0).tolist()
-            frame = frame_of(content.path.frame, model, self.search(), scene, now)
-        with self.error_context("path."):
-            known = frame if isinstance(frame, Pose) else None
-            path = path_of(content.path, content.task, self.samples, folder, known)
-        with self.error_context():
             timing = content.timing.to_timing()
+        now, limits, scene = arms.at(0.0).tolist(), self.limits(), self.scene()
+        timed = self._timed_path(content.path, "path", timing, scene, now)
+        further = {}
+        for name, section in paths_of_arms(content.robot.arms).items():
+            key = f"robot.arms.{name}.law.path"
+            with self.error_context():
+                if section.samples is not None:
+                    problem = "a file was given for the path of a further arm"
+                    raise InputError(f"{key}.samples", problem, "waypoints, or another curve")
+            first = model.joint_names.index(model.joints_of_arm(name)[0])
+            further[name] = self._timed_path(section, key, timing, scene, now, first)
+        with self.error_context():
             value = content.margin.value or 0.0
             with file_keys(measure="margin.measure"):
                 measure = singularity_measure(model, content.task, content.margin.measure)
@@ -112,10 +112,6 @@ class Scenario(PlannedScenario):
             redundancy = None
             if content.redundancy is not None:
                 redundancy = Redundancy(**content.redundancy.model_dump(exclude_none=True))
-            drift = np.array(content.drift)
-            timed = timed_path(path, timing, drift, frame)
-        further, limits = self._paths_of_arms(timing, drift, scene, now), self.limits()
-        with self.error_context():
             if further:
                 timed = PathStack.of(timed, further)
             momentum, margin = np.array(content.momentum), Margin(measure, value)
@@ -124,25 +120,23 @@ class Scenario(PlannedScenario):
                 wheel_momentum=np.array(content.wheels.momentum), arms=arms, limits=limits,
             )  # fmt: skip
 
-    def _paths_of_arms(
-        self, timing: Timing, drift: Array, scene: Scene, now: list[float]
-    ) -> dict[str, TimedPath]:
-        """The paths of further arms that follow one of their own."""
-        model, paths = self.model(), {}
-        for name, section in paths_of_arms(self.content.robot.arms).items():
-            key = f"robot.arms.{name}.law.path"
-            with self.error_context(), file_keys(path=key):
-                if section.samples is not None:
-                    problem = "a file was given for the path of a further arm"
-                    raise InputError("path.samples", problem, "waypoints, or another curve")
-                joint = model.joint_names.index(model.joints_of_arm(name)[0])
-                frame = frame_of(section.frame, model, self.search(), scene, now, joint)
-            with self.error_context(f"{key}."):
-                known = frame if isinstance(frame, Pose) else None
-                path = path_of(section, self.content.task, {}, self.source.parent, known)
-            with self.error_context(), file_keys(path=key):
-                paths[name] = timed_path(path, timing, drift, frame)
-        return paths
+    def _timed_path(
+        self,
+        section: PathSection,
+        key: str,
+        timing: Timing,
+        scene: Scene,
+        now: list[float],
+        joint: int = 0,
+    ) -> TimedPath:
+        """The path of a section below a key, for the arm whose first joint has a number."""
+        with self.error_context(), file_keys(path=key):
+            frame = frame_of(section.frame, self.model(), self.search(), scene, now, joint)
+        with self.error_context(f"{key}."):
+            known = frame if isinstance(frame, Pose) else None
+            path = path_of(section, self.content.task, self.samples, self.source.parent, known)
+        with self.error_context(), file_keys(path=key):
+            return timed_path(path, timing, np.array(self.content.drift), frame)
 
     def system(self) -> System:
         """The robot with its momentum, wheels and drift."""
@@ -175,21 +169,10 @@ class Scenario(PlannedScenario):
         Raises:
             InputError: If it is invalid; it names the file and the key.
         """
-        section = self.content.search
+        arguments = self.content.search.attributes()
+        del arguments["reorient"]
         with self.error_context():
-            attitude = None
-            if section.from_attitude is not None:
-                attitude = frozen(unit_quaternion("search.from_attitude", section.from_attitude))
-            within = None if section.within_deg is None else float(np.radians(section.within_deg))
-            return Search(
-                _objective(section.objective),
-                attitude,
-                section.samples,
-                section.seed,
-                section.joints,
-                within,
-                float(np.radians(section.spare_deg)),
-            )
+            return Search(**arguments)
 
     def phases(self) -> tuple[Any, ...]:
         """What follows the path.
@@ -224,10 +207,6 @@ class Scenario(PlannedScenario):
     ) -> AbstractContextManager[None]:
         """Context in which errors name this file, see :func:`.yaml.error_context`."""
         return error_context(self.source, prefix, options)
-
-
-def _objective(section: str | WeightsSection) -> Objective:
-    return objective_of(section if isinstance(section, str) else section.model_dump())
 
 
 def load_scenario(name: str | Path | dict[str, Any]) -> Scenario:
@@ -297,5 +276,5 @@ def parse_scenario(
             with error_context(source):
                 raise InputError(unused[0], "motions to a goal do not use it", accepted)
     if samples is None:
-        samples = sample_texts(content, source.parent)
+        samples = content.sample_texts(source.parent)
     return Scenario(source, text, content, samples, robot, shapes or {})

@@ -16,13 +16,15 @@ from freefloat.io.scenario.field_types import (
     Factor,
     Inertia,
     Name,
+    Orientation,
     Positive,
     Section,
     Size,
     Vector,
     exactly_one_of,
+    quaternion_of,
+    rotation_of,
 )
-from freefloat.io.scenario.orientation_section import Orientation, quaternion_of, rotation_of
 from freefloat.io.scenario.yaml import file_keys
 from freefloat.robot.bundled import find_robot, is_file
 from freefloat.robot.description import RobotDescription
@@ -31,6 +33,7 @@ from freefloat.robot.validation import read_urdf
 from freefloat.scene.scene import Corridor, Scene
 from freefloat.scene.scene_body import SceneBody
 from freefloat.scene.tumbling import Tumbling
+from freefloat.so3 import degrees
 
 FileShapes = Mapping[str, MeshFile | RobotDescription]
 """Shapes of bodies that come from files, by the body's name."""
@@ -117,7 +120,7 @@ class SceneBodySection(Section):
         if self.sphere is not None:
             return Sphere(self.sphere)
         if self.cylinder is not None:
-            return Cylinder(self.cylinder.radius, self.cylinder.length)
+            return Cylinder(**self.cylinder.model_dump())
         if self.name in shapes:
             return shapes[self.name]
         if self.urdf is not None:
@@ -145,13 +148,6 @@ class CorridorSection(Section):
 
     _exactly_one = exactly_one_of("half_angle_deg", "radius")
 
-    def to_corridor(self) -> Corridor:
-        """The corridor."""
-        angle = self.half_angle_deg
-        half_angle = None if angle is None else float(np.radians(angle))
-        return Corridor(np.array(self.point), np.array(self.axis), half_angle, self.radius,
-                        self.body)  # fmt: skip
-
 
 class SceneSection(Section):
     """Bodies beside the robot, and a corridor for its end-effector."""
@@ -176,7 +172,7 @@ class SceneSection(Section):
             with file_keys(body=key, **{name: f"{key}.{name}" for name in names}):
                 bodies.append(section.to_body(folder, shapes or {}))
         with file_keys(corridor="scene.corridor"):
-            corridor = None if self.corridor is None else self.corridor.to_corridor()
+            corridor = None if self.corridor is None else Corridor(**self.corridor.attributes())
         return Scene(tuple(bodies), corridor)
 
 
@@ -187,12 +183,10 @@ def scene_content(scene: Scene) -> dict[str, Any]:
         content["bodies"] = [_body_content(body) for body in scene.bodies]
     corridor = scene.corridor
     if corridor is not None:
-        size: dict[str, Any] = {"radius": corridor.radius}
-        if corridor.half_angle is not None:
-            size = {"half_angle_deg": float(np.degrees(corridor.half_angle))}
-        body = {} if corridor.body is None else {"body": corridor.body}
-        point, axis = corridor.point.tolist(), corridor.axis.tolist()
-        content["corridor"] = {"point": point, "axis": axis, **size, **body}
+        values: dict[str, Any] = {"point": corridor.point.tolist(), "axis": corridor.axis.tolist()}
+        values |= {"radius": corridor.radius, "half_angle_deg": degrees(corridor.half_angle)}
+        values |= {"body": corridor.body}
+        content["corridor"] = {key: value for key, value in values.items() if value is not None}
     return content
 
 
@@ -212,8 +206,8 @@ def _body_content(body: SceneBody) -> dict[str, Any]:
     content["position"] = body.position.tolist()
     content["orientation"] = quaternion_of(body.orientation)
     if isinstance(body.motion, Tumbling):
-        tumbling = {name: getattr(body.motion, name).tolist() for name in ("rate", "com")}
-        content["tumbling"] = {"inertia": body.motion.inertia.tolist(), **tumbling}
+        keys = TumblingSection.model_fields
+        content["tumbling"] = {key: getattr(body.motion, key).tolist() for key in keys}
     elif body.motion == "target":
         content["with"] = "target"
     if body.touch_links:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, ConfigDict, Field, WithJsonSchema, model_validator
+from pydantic import ConfigDict, Field, model_validator
 
 from freefloat.dynamics.measures import MeasureName
 from freefloat.dynamics.redundancy import LARGEST_GAIN, Metric, Toward
@@ -20,11 +21,11 @@ from freefloat.io.scenario.field_types import (
     exactly_one_of,
 )
 from freefloat.io.scenario.limits_section import LimitsSection
-from freefloat.io.scenario.path_schema import PathSection
+from freefloat.io.scenario.path_schema import PathSection, TimingSection
 from freefloat.io.scenario.robot_section import RobotSection
 from freefloat.io.scenario.scene_section import SceneSection
-from freefloat.io.scenario.timing_section import TimingSection
 from freefloat.kinds import SECTIONS, named
+from freefloat.paths.samples import samples_text
 from freefloat.planning.objectives import NAMED
 from freefloat.planning.settings import FEWEST_SAMPLES
 
@@ -32,15 +33,7 @@ GoalSection: Any = named(SECTIONS["goal"].section)
 PhaseSection: Any = named(SECTIONS["phases"].section)
 
 
-def _objective_name(name: str) -> str:
-    if name not in NAMED:
-        raise ValueError(", ".join(NAMED))
-    return name
-
-
-ObjectiveName = Annotated[
-    str, AfterValidator(_objective_name), WithJsonSchema({"enum": [*NAMED], "type": "string"})
-]
+ObjectiveName: Any = Literal[*NAMED]
 
 
 class MarginSection(Section):
@@ -179,6 +172,15 @@ class ScenarioFile(Section):
     scene: SceneSection = SceneSection()
     phases: list[PhaseSection] = Field(default=[], max_length=100)
     """What follows the path; each begins with the state at which the one before ends."""
+
+    def sample_texts(self, folder: Path) -> dict[str, str]:
+        """Texts of the CSV files of the first path and of phases, by the names given to them.
+
+        The names are relative to a folder; an InputError if a file cannot be read.
+        """
+        paths = [self.path, *(phase.path for phase in self.phases)]
+        names = [path.samples for path in paths if path is not None and path.samples is not None]
+        return {name: samples_text(folder / name) for name in names}
 
     @model_validator(mode="before")
     @classmethod

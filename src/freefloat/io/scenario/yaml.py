@@ -209,9 +209,9 @@ def _first_error(
         ):
             first, keys = entry, path
     kind, location, value = first["type"], first["loc"], first["input"]
+    alternatives = [entry for entry, path in zip(errors, paths, strict=True) if path == keys]
     if kind == "extra_forbidden":
-        sections = [section_at(schema, entry["loc"][:-1])
-                    for entry, path in zip(errors, paths, strict=True) if path == keys]  # fmt: skip
+        sections = [section_at(schema, entry["loc"][:-1]) for entry in alternatives]
         fields = {name: info for section in sections for name, info in section.model_fields.items()}
         known = [info.alias or name for name, info in fields.items()]
         hint = did_you_mean(str(keys[-1]), known)
@@ -220,7 +220,6 @@ def _first_error(
     if kind == "missing" and isinstance(location[-1], str):
         accepted = f"a value: {description}" if description else "a value"
         return [*keys, location[-1]], "it is missing", accepted
-    alternatives = [entry for entry, path in zip(errors, paths, strict=True) if path == keys]
     indices = [int(entry["loc"][-1]) for entry in alternatives if entry["type"] == "missing"]
     message = first["msg"].removeprefix("Value error, ").removeprefix("Input should be ")
     accepted = _CONTAINERS.get(kind, message)

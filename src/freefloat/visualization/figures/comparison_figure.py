@@ -16,7 +16,6 @@ from freefloat.visualization.figure_style import (
     BLACK,
     PAGE,
     PALE,
-    axis_label,
     legend_above,
     new_figure,
     styled,
@@ -25,7 +24,6 @@ from freefloat.visualization.figures.motion_figures import (
     attitude_curves,
     draw_curves,
     joint_scale,
-    mark_times,
     shown_times,
 )
 
@@ -86,10 +84,7 @@ def _draw(panels: Any, motion: Motion, longest: int) -> None:
         ("heading" if problem.has_headings else attitude, angles, names, "deg"),
         ("joints", scale * trajectory.joints, problem.model.joint_names, unit),
     ]
-    for panel, (quantity, values, names, quantity_unit) in zip(panels, curves, strict=True):
-        draw_curves(panel, trajectory.times, values, names)
-        panel.set_ylabel(axis_label(quantity, quantity_unit))
-        mark_times(panel, motion)
-        if len(names) > 1:
+    for panel, drawn in zip(panels, curves, strict=True):
+        draw_curves(panel, trajectory, drawn, named=False)
+        if len(drawn[2]) > 1:
             legend_above(panel, longest=longest)
-    panels[-1].set_xlabel(axis_label("time", "s"))

@@ -30,13 +30,16 @@ from freefloat.planning.space.mapping import sample_headings
 from freefloat.planning.touching.touch_point import motion_through
 from freefloat.regions.planar_regions import has_two_angle_form
 from freefloat.regions.workspace import Workspace, workspace_regions
-from freefloat.visualization.figure_style import Figures, styled
+from freefloat.visualization.figure_style import Drawings, Figures, styled
 from freefloat.visualization.figures.joint_space_figure import joint_space_figure
-from freefloat.visualization.figures.map_figures import histogram_figure, slices_figure
+from freefloat.visualization.figures.map_figures import (
+    histogram_figure,
+    slices_figure,
+    touch_points_figure,
+)
 from freefloat.visualization.figures.motion_figures import angles_figure, motion_figures
 from freefloat.visualization.figures.planar_figures import headings_figure
 from freefloat.visualization.figures.scene_figures import snapshots_figure
-from freefloat.visualization.figures.touch_points_figure import touch_points_figure
 from freefloat.visualization.figures.workspace_figure import workspace_figure
 from freefloat.visualization.scenes.drawn_path import with_drawn_path
 from freefloat.visualization.slices import Mark, map_marks, map_slices
@@ -91,7 +94,7 @@ def figures(
         >>> plan = ff.plan(ff.load_scenario("planar_2dof/line").problem())
         >>> ff.figures(plan)["motion"].savefig("motion.pdf")
     """
-    drawings = named(kind_of(result).figures)(result, threads, progress).drawings
+    drawings: Drawings = named(kind_of(result).figures)(result, threads, progress)
     return Figures({name: partial(_titled, name, draw) for name, draw in drawings.items()})
 
 
@@ -103,21 +106,18 @@ def _titled(name: str, draw: Callable[[], Figure]) -> Figure:
     return figure
 
 
-def drawn_motion_figures(motion: Motion, threads: int | None, progress: Progress | None) -> Figures:
+def drawn_motion_figures(motion: Motion, *_: Any) -> Drawings:
     """The figures of a motion."""
     drawn = with_drawn_path(motion)
     closest = closest_approach(drawn, drawn.problem.margin.measure)
-    return _snapshots(drawn) | motion_figures(drawn, closest)
+    return _snapshots(drawn) | motion_figures(drawn, closest).drawings
 
 
-def _snapshots(motion: Motion) -> Figures:
+def _snapshots(motion: Motion) -> Drawings:
+    """The robot over its reach and areas, which change where further arms move."""
     problem = motion.problem
-    return Figures({"snapshots": lambda: snapshots_figure(motion, _areas(problem))})
-
-
-def _areas(problem: Problem) -> Workspace | None:
-    """Reach and areas of a robot; None where further arms move, with which they change."""
-    return _workspace(problem) if problem.model.has_one_arm else None
+    one_arm = problem.model.has_one_arm
+    return {"snapshots": lambda: snapshots_figure(motion, _workspace(problem) if one_arm else None)}
 
 
 @lru_cache(maxsize=2)
@@ -125,29 +125,25 @@ def _workspace(problem: Problem) -> Workspace:
     return workspace_regions(problem)
 
 
-def simulation_figures(
-    simulation: Simulation, threads: int | None, progress: Progress | None
-) -> Figures:
+def simulation_figures(simulation: Simulation, *_: Any) -> Drawings:
     """The figures of a simulation."""
     motion, limits = simulation.motion, simulation.limits
-    return drawn_motion_figures(motion, threads, progress) | angle_figures(motion, limits)
+    return drawn_motion_figures(motion) | angle_figures(motion, limits)
 
 
 def attitude_map_figures(
     result: AttitudeMap, threads: int | None, progress: Progress | None
-) -> Figures:
+) -> Drawings:
     """The figures of a map of attitudes."""
-    touched = Figures(
-        {"touch_points": partial(touch_points_figure, result)} if result.touch else {}
-    )
-    return _map_figures(result, result.limits, map_marks(result), threads, progress) | touched
+    drawings = _map_figures(result, result.limits, map_marks(result), threads, progress)
+    if result.touch:
+        drawings["touch_points"] = partial(touch_points_figure, result)
+    return drawings
 
 
-def heading_map_figures(
-    result: HeadingMap, threads: int | None, progress: Progress | None
-) -> Figures:
+def heading_map_figures(result: HeadingMap, *_: Any) -> Drawings:
     """The figures of a map over headings."""
-    return Figures({"headings": partial(headings_figure, result)} if result.branches else {})
+    return {"headings": partial(headings_figure, result)} if result.branches else {}
 
 
 def _map_figures(
@@ -156,23 +152,23 @@ def _map_figures(
     marks: Sequence[Mark],
     threads: int | None,
     progress: Progress | None,
-) -> Figures:
+) -> Drawings:
     def sliced() -> Figure:
         found = map_slices(evaluator_for(result.problem, threads, limits), marks, progress)
         return slices_figure(result, found)
 
-    drawings: dict[str, Callable[[], Figure]] = {"map_slices": sliced}
+    drawings: Drawings = {"map_slices": sliced}
     if result.results.exist.any():
         drawings["map_histogram"] = partial(histogram_figure, result)
-    return Figures(drawings)
+    return drawings
 
 
-def plan_figures(plan: Plan, threads: int | None, progress: Progress | None) -> Figures:
+def plan_figures(plan: Plan, threads: int | None, progress: Progress | None) -> Drawings:
     """The figures of a plan."""
     problem, chosen = plan.problem, plan.chosen
-    drawn = Figures({})
+    drawings: Drawings = {}
     if problem.model.has_one_arm:
-        drawn |= Figures({"workspace": lambda: workspace_figure(problem, _workspace(problem))})
+        drawings["workspace"] = lambda: workspace_figure(problem, _workspace(problem))
     marks = []
     if chosen is not None:
         name = "chosen" if plan.feasible else "infeasible"
@@ -180,36 +176,29 @@ def plan_figures(plan: Plan, threads: int | None, progress: Progress | None) -> 
     if plan.search.from_attitude is not None:
         marks.append(Mark("now", plan.search.from_attitude))
     if problem.has_headings:
-        drawn |= _planar_figures(plan, threads, progress)
-    if chosen is not None:
-        drawn |= _snapshots(chosen.motion)
-        drawn |= motion_figures(chosen.motion, chosen.closest_approach)
-        drawn |= angle_figures(chosen.motion, plan.limits)
-    if plan.map is not None:
-        drawn |= _map_figures(plan.map, plan.limits, marks, threads, progress)
-    return drawn
-
-
-def _planar_figures(plan: Plan, threads: int | None, progress: Progress | None) -> Figures:
-    problem, chosen = plan.problem, plan.chosen
-    drawings: dict[str, Callable[[], Figure]] = {}
-    if has_two_angle_form(problem.model, problem.task):
-        drawings["joint_space"] = lambda: _joint_space(plan)
-    evaluator = evaluator_for(problem, threads, plan.limits)
-    headings = sample_headings(evaluator, _HEADINGS, progress=progress)
-    if headings.branches:
+        if has_two_angle_form(problem.model, problem.task):
+            drawings["joint_space"] = lambda: _joint_space(plan)
+        evaluator = evaluator_for(problem, threads, plan.limits)
+        headings = sample_headings(evaluator, _HEADINGS, progress=progress)
         heading = None
         if chosen is not None:
             heading = chosen.branch.index, problem.plane.heading(chosen.motion.initial.attitude)
-        drawings["headings"] = partial(headings_figure, headings, plan.ranges, heading)
-    return Figures(drawings)
+        if headings.branches:
+            drawings["headings"] = partial(headings_figure, headings, plan.ranges, heading)
+    if chosen is not None:
+        drawings |= _snapshots(chosen.motion)
+        drawings |= motion_figures(chosen.motion, chosen.closest_approach).drawings
+        drawings |= angle_figures(chosen.motion, plan.limits)
+    if plan.map is not None:
+        drawings |= _map_figures(plan.map, plan.limits, marks, threads, progress)
+    return drawings
 
 
-def angle_figures(motion: Motion, limits: Limits | None) -> Figures:
+def angle_figures(motion: Motion, limits: Limits | None) -> Drawings:
     """The figure of limited angles; none where no angle is limited."""
     if limits is None or not limits.number:
-        return Figures({})
-    return Figures({"angles": partial(angles_figure, motion, limits)})
+        return {}
+    return {"angles": partial(angles_figure, motion, limits)}
 
 
 def _joint_space(plan: Plan) -> Figure:

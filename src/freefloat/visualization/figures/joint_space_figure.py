@@ -41,6 +41,7 @@ _BESIDE = 20.0 * np.array([[np.cos(t), np.sin(t)] for t in np.arange(8) * np.pi 
 """Places of a letter beside a touch point [deg]."""
 _CLEAR: Any = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 0.5}
 """White behind letters."""
+_LETTER: Any = {"ha": "center", "va": "center", "zorder": 6, "bbox": _CLEAR}
 _APART = 30.0
 """Least distance of touch points that are lettered [deg]."""
 _NUDGE = np.array([0.0, 0.05])
@@ -132,8 +133,8 @@ def _name_curves(axes: Any, arm: PlanarArm, curves: Sequence[MarginCurve], other
         side = 1.0 if above == (curve.level > 0.0) else -1.0
         axes.annotate(
             name, place, (0.0, 13.0 * side), textcoords="offset points", fontweight="bold",
-            ha="center", va="center", zorder=6, bbox=_CLEAR,
             arrowprops={"arrowstyle": "-", "linewidth": 0.6, "shrinkA": 0.0, "shrinkB": 0.0},
+            **_LETTER,
         )  # fmt: skip
 
 
@@ -165,7 +166,7 @@ def _draw_touch_points(axes: Any, points: Sequence[TouchPoint], others: Array) -
             label = None
             if min(np.linalg.norm(place - other) for other in lettered) > _APART:
                 spot = _freest(place + _BESIDE, others)
-                axes.text(*spot, letter, ha="center", va="center", zorder=6, bbox=_CLEAR)
+                axes.text(*spot, letter, **_LETTER)
                 lettered.append(place)
                 others = np.vstack([others, spot])
 
@@ -194,9 +195,7 @@ def _draw_distances(
             )  # fmt: skip
             place = _freest(np.vstack(curve.allsegs[0]), others)
             others = np.vstack([others, *curve.allsegs[0]])
-            axes.text(
-                *place, f"$R_{letter}$", ha="center", va="center", bbox=_CLEAR, zorder=6,
-            )  # fmt: skip
+            axes.text(*place, f"$R_{letter}$", **_LETTER)
             label = f"$R_{letter}$ ({name})"
             axes.plot([], [], color=GREY, linestyle=dashes, linewidth=1.0, label=label)
 

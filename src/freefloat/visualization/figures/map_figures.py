@@ -1,4 +1,4 @@
-"""Figures of maps over all attitudes: slices of the rotation-vector ball, histograms."""
+"""Figures of maps over all attitudes: slices of their ball, histograms, touch points."""
 
 from __future__ import annotations
 
@@ -18,10 +18,14 @@ from scipy.ndimage import distance_transform_edt
 from freefloat.ensemble.endings import COMPLETED, LIMITED, SINGULAR, UNREACHED
 from freefloat.ensemble.wrist_flips import has_wrist_flipped_branches
 from freefloat.ik.labels import branch_name
+from freefloat.motion.extrema import closest_approach
+from freefloat.motion.integration import integrate_motion
 from freefloat.motion.margin import keeps_threshold
 from freefloat.planning.space.attitude_map import AttitudeMap
+from freefloat.planning.touching.touch_point import TouchKind
 from freefloat.so3 import Array
 from freefloat.visualization.figure_style import (
+    BLACK,
     BLUE,
     COLUMN,
     GREY,
@@ -29,10 +33,13 @@ from freefloat.visualization.figure_style import (
     MARGIN_LINE,
     PAGE,
     PALE,
+    STROKES,
     VERMILION,
+    amount,
     axis_label,
     digits,
     draw_point,
+    legend_above,
     new_figure,
     styled,
 )
@@ -40,15 +47,19 @@ from freefloat.visualization.slices import Slice, rotation_vectors
 
 _COMPONENTS = ("x", "y", "z")
 _SHADES = "viridis"
-_MARKERS = {
-    "best": ("*", 9.0), "chosen": ("*", 9.0), "robust": ("D", 5.0), "nearest": ("^", 6.0),
-}  # fmt: skip
+_MARKERS = {"best": ("*", 9.0), "robust": ("D", 5.0), "nearest": ("^", 6.0)}
+_MARKERS["chosen"] = _MARKERS["best"]
 _OTHER_MARKER = ("o", 5.0)
 _HALO = [Stroke(linewidth=2.2, foreground="white"), Normal()]
 """A white edge around markers, through which the map is seen."""
 _BINS, _MAX_PANELS = 48, 12
 _TITLE_LENGTH = 58
 """Characters that fit above a histogram."""
+_CURVE_POINTS = 401
+_STROKES = STROKES[:1] + STROKES[2:]
+"""Without that of the margin."""
+_INSIDE, _AT_END = ("D", "touch point C"), ("s", "touch point E")
+"""Marker and name, C inside the path (Case I), E at an end (Case II), as in Fig. 3."""
 
 
 @styled
@@ -194,10 +205,8 @@ def histogram_figure(result: AttitudeMap) -> Figure:
 def _draw_bars(axes: Any, values: Array, edges: Array, margin: float) -> None:
     """Draw bars, blue for feasible motions and grey below the margin, and the margin as a line."""
     feasible = keeps_threshold(values, margin)
-    parts = (
-        (feasible, BLUE, "margin kept"), (~feasible & (values > 0.0), LIGHT, "below the margin"),
-    )  # fmt: skip
-    for part, colour, name in parts:
+    below = ~feasible & (values > 0.0)
+    for part, colour, name in ((feasible, BLUE, "margin kept"), (below, LIGHT, "below the margin")):
         if part.any():
             weights = np.full(np.count_nonzero(part), 100.0 / len(values))
             style = {"color": colour, "linewidth": 0.0, "label": name}
@@ -231,3 +240,39 @@ def _percentages(result: AttitudeMap, branch: int | None, values: Array) -> list
     parts = zip(outcomes, np.bincount(first, minlength=len(outcomes)) / len(values), strict=True)
     return [f"{100.0 * part:.1f} % {words}" for words, part in parts
             if part > 0.0 or words == "keep the margin"]  # fmt: skip
+
+
+@styled
+def touch_points_figure(result: AttitudeMap) -> Figure:
+    """The figure of S along the motions from a map's first attitudes that touch points yield.
+
+    Args:
+        result: A map with touch points; as many are drawn as there are strokes.
+    """
+    problem = result.problem
+    measure, threshold = problem.margin.measure, problem.margin.threshold
+    figure = new_figure(height=2.6)
+    axes = figure.subplots()
+    axes.axhline(0.0, color=BLACK, linewidth=0.6)
+    for sign, label in ((1.0, f"margin ±{amount(threshold, measure.unit)}"), (-1.0, None)):
+        axes.axhline(sign * threshold, label=label, **MARGIN_LINE)
+    for point, (colour, dashes) in zip(result.touch or (), _STROKES, strict=False):
+        branches = {branch.index: branch for branch in problem.branches(point.attitude)}
+        motion = integrate_motion(problem, point.attitude, branches[point.branch or 0].joints)
+        times, _, joints = motion.evaluate(np.linspace(0.0, motion.panels, _CURVE_POINTS))
+        axes.plot(
+            times, [measure(q) for q in joints], color=colour, linestyle=dashes, linewidth=1.0
+        )
+        closest = closest_approach(motion, measure)
+        place = np.array([closest.time, closest.sign * closest.value])
+        marker, name = _INSIDE if point.kind in (None, TouchKind.TANGENT) else _AT_END
+        known = {line.get_label() for line in axes.lines}
+        draw_point(
+            axes, place, marker, 4.0, color=colour, markeredgecolor=BLACK, zorder=5, clip_on=False,
+            label=None if name in known else name,
+        )  # fmt: skip
+    axes.set_xlim(0.0, problem.path.duration)
+    axes.set_xlabel(axis_label("time", "s"))
+    axes.set_ylabel(axis_label(f"$S$ ({measure.title})", measure.unit))
+    legend_above(axes)
+    return figure

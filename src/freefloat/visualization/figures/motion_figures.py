@@ -96,10 +96,15 @@ def attitude_curves(problem: Problem, trajectory: Trajectory) -> tuple[str, Arra
     return "x-y-z Euler angles", euler_angles(trajectory.attitudes), _AXES
 
 
-def draw_curves(axes: Any, times: Array, values: Array, names: Sequence[str]) -> None:
-    """Draw the columns of values (K, C) that have names over times (K,)."""
+def draw_curves(
+    axes: Any, trajectory: Trajectory, curves: tuple[str, Array, Sequence[str], str], named: bool
+) -> None:
+    """Draw quantity, values (K, C), names of columns and unit over time, and name its marks."""
+    quantity, values, names, unit = curves
     axes.set_prop_cycle(strokes(len(names)))
-    axes.plot(times, values[:, : len(names)], label=list(names))
+    axes.plot(trajectory.times, values[:, : len(names)], label=list(names))
+    axes.set_ylabel(axis_label(quantity, unit))
+    mark_times(axes, trajectory.motion, named)
 
 
 @styled
@@ -131,16 +136,12 @@ def _motion_figure(motion: Motion, trajectory: Trajectory) -> Figure:
         (word, np.hstack(positions), tips, "m"),
         ("spacecraft origin,\ninertial axes", trajectory.base_positions @ frame, level, "m"),
     ]
-    for panel, (quantity, values, names, quantity_unit) in zip(panels.flat, curves, strict=True):
-        draw_curves(panel, trajectory.times, values, names)
-        panel.set_ylabel(axis_label(quantity, quantity_unit))
-        mark_times(panel, motion, named=panel is panels[2, 1])
+    for panel, drawn in zip(panels.flat, curves, strict=True):
+        draw_curves(panel, trajectory, drawn, named=panel is panels[2, 1])
         legend_above(panel)
     if motion.ending is Ending.SINGULAR:
         _limit_rates(panels[0, 1], scale * trajectory.joint_rates, motion, trajectory.times)
         _limit_rates(panels[1, 1], spins, motion, trajectory.times)
-    for panel in panels[-1]:
-        panel.set_xlabel(axis_label("time", "s"))
     figure.align_ylabels()
     return figure
 
@@ -148,6 +149,8 @@ def _motion_figure(motion: Motion, trajectory: Trajectory) -> Figure:
 def mark_times(axes: Any, motion: Motion, named: bool = False) -> None:
     """Set the time axis; mark, and name, stops and the end of a motion that is not completed."""
     axes.set_xlim(0.0, motion.problem.path.duration)
+    if axes.get_subplotspec().is_last_row():
+        axes.set_xlabel(axis_label("time", "s"))
     for index, stop in enumerate(motion.problem.path.timing.stops):
         label = "at rest" if named and index == 0 else None
         line = {"color": GREY, "linestyle": (0, (4, 3)), "linewidth": 0.8, "zorder": 1}
@@ -188,7 +191,6 @@ def _margin_figure(motion: Motion, trajectory: Trajectory, closest: ClosestAppro
         label = f"{name} {digits(closest.value)} at {digits(closest.time)} s"
         draw_point(axes, lowest, "o", 4.0, label=label, **style)
     mark_times(axes, motion, named=True)
-    axes.set_xlabel(axis_label("time", "s"))
     axes.set_ylabel(axis_label(f"$S$ ({measure.title})", measure.unit))
     legend_above(axes, longest=1)
     return figure
@@ -201,30 +203,27 @@ def _momentum_figure(motion: Motion) -> Figure:
     With prescribed joints there is no path that the end-effector could leave.
     """
     follows = motion.curve is None
-    figure = new_figure(height=3.2 if follows else 1.8)
-    panels = figure.subplots(2 if follows else 1, 1, sharex=True, squeeze=False)[:, 0]
-    curves = [(0, "momentum", motion.momentum_errors(motion.node_coordinates), ".")]
-    units = ["N m s"]
+    oriented = motion.problem.task.prescribes_orientation
+    errors = [("momentum", motion.momentum_errors(motion.node_coordinates), ".", BLUE)]
+    rows = [(errors, "N m s")]
     if follows:
-        oriented = motion.problem.task.prescribes_orientation
         position, orientation = motion.end_effector_errors.T
-        curves.append((1, "end-effector position", position, "."))
+        errors = [("end-effector position", position, ".", BLUE)]
         if oriented:
-            curves.append((1, "end-effector orientation", orientation, "x"))
-        units.append("m, rad" if oriented else "m")
-    for panel, name, errors, marker in curves:
-        shown = np.where(errors > 0.0, errors, np.nan)
-        colour = BLUE if marker == "." else VERMILION
-        panels[panel].plot(
-            motion.times, shown, color=colour, linestyle="none", marker=marker, markersize=2.2,
-            markeredgewidth=0.6, label=name,
-        )  # fmt: skip
-    for axes, unit in zip(panels, units, strict=True):
+            errors.append(("end-effector orientation", orientation, "x", VERMILION))
+        rows.append((errors, "m, rad" if oriented else "m"))
+    figure = new_figure(height=3.2 if follows else 1.8)
+    panels = figure.subplots(len(rows), 1, sharex=True, squeeze=False)[:, 0]
+    for axes, (curves, unit) in zip(panels, rows, strict=True):
+        for name, values, marker, colour in curves:
+            axes.plot(
+                motion.times, np.where(values > 0.0, values, np.nan), color=colour, label=name,
+                linestyle="none", marker=marker, markersize=2.2, markeredgewidth=0.6,
+            )  # fmt: skip
         axes.set_ylabel(axis_label("error", unit))
         axes.set_yscale("log")
         mark_times(axes, motion, named=axes is panels[0])
         legend_above(axes)
-    panels[-1].set_xlabel(axis_label("time", "s"))
     figure.align_ylabels()
     return figure
 
@@ -253,7 +252,6 @@ def angles_figure(motion: Motion, limits: AttitudeLimits) -> Figure:
         axes.set_ylabel(axis_label("angle", "deg"))
         mark_times(axes, motion, named=axes is panels[0])
         legend_above(axes)
-    panels[-1].set_xlabel(axis_label("time", "s"))
     figure.align_ylabels()
     return figure
 

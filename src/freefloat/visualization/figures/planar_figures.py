@@ -25,13 +25,9 @@ from freefloat.visualization.figure_style import (
     styled,
 )
 
-_GRID = 361
 _FEW = 2
 """Largest number of arm branches whose labels are written in full."""
 _FEASIBLE = "#CFE3EF"
-_LOW = np.array([-180.0, -90.0])
-"""Smallest angles that are drawn [deg]: stretched and folded arms, with q2 near 0 and 180 degrees,
-are inside."""
 
 
 @styled

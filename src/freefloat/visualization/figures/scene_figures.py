@@ -10,13 +10,15 @@ import numpy as np
 import numpy.typing as npt
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
+from matplotlib.ticker import MaxNLocator
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+from mpl_toolkits.mplot3d.proj3d import proj_transform
 
 from freefloat.dynamics.plane import Plane
 from freefloat.motion.motion import Ending, Motion
 from freefloat.motion.problem import Problem
 from freefloat.regions.workspace import Workspace
-from freefloat.so3 import Array
+from freefloat.so3 import Array, cross
 from freefloat.visualization.figure_style import (
     BLACK,
     COLUMN,
@@ -35,10 +37,9 @@ from freefloat.visualization.figures.scene_outlines import (
     from_above,
     outline_points,
 )
-from freefloat.visualization.figures.views import set_equal_scales
 from freefloat.visualization.figures.workspace_figure import draw_areas, draw_lines, draw_path
 from freefloat.visualization.scenes.visuals import (
-    RobotVisuals,
+    Visuals,
     body_poses,
     bounding_box,
     largest_box,
@@ -54,6 +55,14 @@ _FACES = [[0, 1, 3, 2], [4, 5, 7, 6], [0, 1, 5, 4], [2, 3, 7, 6], [0, 2, 6, 4], 
 """Corners of the faces of a box."""
 _LARGE = 0.25
 """Least size of the shapes of the spacecraft that are drawn, over that of the largest box."""
+
+_FLATTEST, _ZOOM, _TICKS = 0.4, (0.62, 0.8), 4
+"""Least side of the box of a view over its largest one, the width and height of the box in its
+axes, and the number of ticks of the longest edge."""
+_EDGES = np.array([
+    [(-1, 1, -1), (1, 1, -1)], [(1, -1, -1), (1, 1, -1)], [(1, -1, 1), (1, -1, -1)],
+])  # fmt: skip
+"""Ends of the edges with numbers over half of the box, where the eye is at positive x, y and z."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,7 +107,7 @@ def outlines(motion: Motion, times: npt.ArrayLike) -> list[Outline]:
     ]  # fmt: skip
 
 
-def _spacecraft_boxes(visuals: RobotVisuals) -> Array:
+def _spacecraft_boxes(visuals: Visuals) -> Array:
     """Corners of the boxes around the large shapes of the spacecraft [m], shape (B, 8, 3)."""
     largest = largest_box(visuals, 0)
     boxes = [bounding_box(visual) for visual in visuals.shapes if visual.body == 0]
@@ -131,13 +140,10 @@ def snapshots_figure(motion: Motion, workspace: Workspace | None = None) -> Figu
         axes.set_title(f"{digits(time)} s", y=1.0)
     _mark_singular(views[-1], motion)
     bodies = np.array([[robot.spacecraft[0].mean(axis=0), *robot.arm[1:]] for robot in robots])
-    points = np.vstack([
-        points for robot in robots for points in (*robot.spacecraft, robot.arm, *robot.others)
-    ])  # fmt: skip
+    parts = [part for robot in robots for part in (*robot.spacecraft, robot.arm, *robot.others)]
     others = [p for time in times for _, p in outline_points(motion, float(time))]
-    points = np.vstack([points, *others])
     eye = view_direction([bodies], [np.mean(other, axis=0) for other in others])
-    set_equal_scales(views, points, eye)
+    _set_equal_scales(views, np.vstack([*parts, *others]), eye)
     handles, names = views[-1].get_legend_handles_labels()
     figure.legend(handles, names, loc="outside lower center", ncols=len(handles))
     return figure
@@ -187,3 +193,51 @@ def _draw_in_space(axes: Any, problem: Problem, robot: Outline) -> None:
     axes.add_collection3d(Poly3DCollection(faces, **style))
     for points in (robot.arm, *robot.others):
         _draw_arm(axes, points, BLACK)
+
+
+def _set_equal_scales(views: Any, points: Array, eye: Array) -> None:
+    """Show the same box around points (K, 3) in all views, from a direction (3,)."""
+    azimuth, elevation = np.degrees([np.arctan2(eye[1], eye[0]), np.arcsin(eye[2])])
+    low, high = points.min(axis=0), points.max(axis=0)
+    middle, halves = (low + high) / 2.0, np.maximum(high - low, _FLATTEST * (high - low).max()) / 2
+    across = np.array([-eye[1], eye[0], 0.0]) / np.hypot(eye[0], eye[1])
+    seen = np.abs([across, cross(eye, across)]) @ halves  # half the width and height of the box
+    zoom = float(np.linalg.norm(halves) * np.min(_ZOOM / seen))
+    lengths = halves * np.sqrt(1.0 - eye**2)  # of its edges, as they are seen
+    ticks = np.maximum(np.round(_TICKS * lengths / lengths.max()), 1.0).astype(int).tolist()
+    edges = middle + _EDGES * np.where(eye < 0.0, -halves, halves)  # each from its named end
+    for axes in views:
+        axes.set_box_aspect(tuple(halves), zoom=zoom)
+        axes.view_init(elev=elevation, azim=azimuth)
+        for letter, least, most in zip("xyz", middle - halves, middle + halves, strict=True):
+            getattr(axes, f"set_{letter}lim")(least, most)
+        for letter, count, ends in zip("xyz", ticks, edges, strict=True):
+            axis = getattr(axes, f"{letter}axis")
+            axis.set_major_locator(MaxNLocator(count, prune="both"))
+            axis.set_tick_params(labelbottom=False, color="none")
+            axis.line.set_color("none")
+            axes.plot(*ends.T, color=BLACK, linestyle="-", linewidth=0.6)
+            _number_edge(axes, letter, ends, middle)
+
+
+def _number_edge(axes: Any, letter: str, ends: Array, middle: Array) -> None:
+    """Write the numbers of an axis, one with its name, beside an edge of the box around a point.
+
+    Numbers of matplotlib's own lie over each other where an edge is seen at a small angle.
+    """
+    values = sorted(getattr(axes, f"get_{letter}ticks")(), reverse=bool((ends[0] > ends[1]).any()))
+    points = [np.where(ends[0] == ends[1], ends[0], value) for value in values]
+    seen = proj_transform(*np.transpose([middle, *ends, *points]), axes.get_proj())[:2]
+    centre, first, last, *places = np.transpose(seen)
+    along, beside = first - last, (first + last) / 2.0 - centre
+    normal = np.array([-along[1], along[0]]) / np.linalg.norm(along)
+    normal *= np.sign(normal @ beside)
+    side, above = np.round(normal).astype(int)
+    texts = [digits(value) for value in values]
+    texts[0] = f"${letter}$ = {texts[0]} m"
+    sides = [side or int(np.sign(along[0])), *[side] * len(texts)]  # away from the other numbers
+    for text, place, aside in zip(texts, places, sides, strict=False):
+        axes.annotate(
+            text, place, 3.0 * normal, textcoords="offset points", fontsize=7.0,
+            ha=("center", "left", "right")[aside], va=("center", "bottom", "top")[above],
+        )  # fmt: skip

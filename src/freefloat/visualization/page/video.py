@@ -54,8 +54,8 @@ class FrameTimes:
 
     def to_dict(self) -> dict[str, float]:
         """Numbers of pictures and of pictures per second, speed, and length [s]."""
-        return {"pictures": len(self.times), "fps": self.rate, "speed": self.speed,
-                "duration": self.duration}  # fmt: skip
+        numbers = {"pictures": len(self.times), "fps": self.rate, "speed": self.speed}
+        return {**numbers, "duration": self.duration}
 
 
 def frame_times(

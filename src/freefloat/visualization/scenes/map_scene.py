@@ -1,12 +1,10 @@
-"""Scenes of maps over all attitudes: points in the ball of rotation vectors.
-
-One scene per arm branch, and one for the best branch. One metre in the scene is one radian.
-"""
+"""Scenes of maps: points in the ball of rotation vectors, or a ring of headings per arm branch."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from meshcat import geometry as g
@@ -14,6 +12,7 @@ from meshcat import geometry as g
 from freefloat.attitude_grids import even_directions
 from freefloat.ensemble.wrist_flips import has_wrist_flipped_branches
 from freefloat.ik.labels import branch_name
+from freefloat.planning.margin_map import HeadingMap, MarginMap
 from freefloat.planning.space.attitude_map import AttitudeMap
 from freefloat.so3 import Array, Pose
 from freefloat.visualization.scenes.description import (
@@ -24,7 +23,7 @@ from freefloat.visualization.scenes.description import (
     TitledScene,
     View,
 )
-from freefloat.visualization.scenes.overlays import draw_axes, tube
+from freefloat.visualization.scenes.overlays import Surface, draw_axes, tube
 from freefloat.visualization.scenes.scene_builder import ROOT, PageScene, SceneBuilder, node
 from freefloat.visualization.slices import Mark, map_marks, rotation_vectors
 
@@ -40,7 +39,7 @@ _FEASIBLE, _OTHERS = (0.5, 0.12), (0.32, 0.09)
 """Sizes of feasible and other points: fraction of the distance of samples, minimum [m]."""
 _EDGE, _MARK = 0.06, 0.07
 """Size of boundary points and radius of marks [m]."""
-_WHITE = (0.95, 0.96, 0.98)
+_WHITE = (0.95, 0.96, 0.98, 1.0)
 _GREY = (0.45, 0.50, 0.60, 1.0)
 _MARK_COLOURS: dict[str, tuple[float, float, float, float]] = {
     "best": (1.0, 0.25, 0.45, 1.0), "robust": (0.75, 0.5, 1.0, 1.0),
@@ -53,6 +52,12 @@ _VIEW = View(
     direction=[0.45, -1.0, 0.4],
     flat=False,
 )
+_HEADINGS, CIRCLE, BEST = "headings", "Circle", "Best heading"
+_INNERMOST = 0.3
+_FILLED = 0.8
+"""Width of a ring as a fraction of the distance between rings."""
+_CORNERS = [[x, y, 0.0] for x in (-1.3, 1.2) for y in (-1.1, 1.3)]
+_ABOVE = View([0.0, 0.0, 0.0], 1.2, _CORNERS, direction=[0.0, -0.02, 1.0], flat=True)
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +76,10 @@ class _BranchMargins:
 
 
 def map_scene(result: AttitudeMap, title: str = "freefloat") -> PageScene:
-    """The scene of a map over all attitudes, for a page with a title."""
+    """The scene of a map over all attitudes, for a page with a title.
+
+    One part per arm branch, and one for the best branch. One metre in the scene is one radian.
+    """
     margin = result.problem.margin
     vectors = rotation_vectors(result.attitudes)
     chosen = np.arange(result.samples)
@@ -88,7 +96,7 @@ def map_scene(result: AttitudeMap, title: str = "freefloat") -> PageScene:
         _draw_samples(builder, root, vectors[chosen], group.margins[chosen], colours)
         edge = [point.attitude for point in edges if point.branch in (group.branches or (None,))]
         if edge:
-            white = np.tile(_WHITE, (len(edge), 1))
+            white = np.tile(_WHITE[:3], (len(edge), 1))
             builder.points(f"{root}/{BOUNDARY}", rotation_vectors(edge), white, _EDGE)
         marks = [mark for mark in map_marks(result) if group.has(mark.branch)]
         labels = _draw_ball(builder, root) + _draw_marks(builder, root, marks)
@@ -169,17 +177,88 @@ def _draw_marks(builder: SceneBuilder, root: str, marks: Sequence[Mark]) -> list
 def _lines(result: AttitudeMap, group: _BranchMargins) -> Iterator[str]:
     """Text of a scene: the percentage of feasible attitudes and the scores of the marks."""
     margin = result.problem.margin
-    measure = f"|{margin.measure.title}|"
-    percentage = 100.0 * margin.keeps(group.margins).mean()
     yield "rotation vectors of the initial attitude"
-    kept = f"{measure} and limits" if result.limited else measure
-    yield f"{percentage:.2f}% of {result.samples:,} attitudes keep {kept}"
+    yield _kept(result, float(margin.keeps(group.margins).mean()), "attitudes")
     best, robust, nearest = result.best, result.robust, result.nearest
     if best is not None and group.has(best.branch):
-        yield f"best: {measure} {best.minimum_margin:.6g}"
+        yield f"best: |{margin.measure.title}| {best.minimum_margin:.6g}"
     if robust is not None and group.has(robust.branch):
         yield f"robust: keeps the margin within {np.degrees(robust.radius):.4g}°"
     if nearest is not None and group.has(nearest.branch):
         yield f"nearest: {np.degrees(nearest.deviation):.4g}° away"
     if group.margins.min() < 0.0:
         yield "grey: start of the path not reached"
+
+
+def _kept(result: MarginMap, fraction: float, samples: str) -> str:
+    """Which percentage of the samples keeps the margin and the limits."""
+    limits = " and limits" if result.limited else ""
+    kept = f"|{result.problem.margin.measure.title}|{limits}"
+    return f"{fraction:.2%} of {result.samples:,} {samples} keep {kept}"
+
+
+def heading_scene(result: HeadingMap, title: str = "freefloat") -> PageScene:
+    """The scene of a map over headings, for a page with a title.
+
+    Headings are angles from the x axis. The ring of the first arm branch is the outermost.
+    """
+    builder, root = SceneBuilder(), f"{ROOT}/{_HEADINGS}"
+    circle = tube(_points(1.02, np.radians(np.arange(0.0, 361.0, 2.0))), 0.003)
+    builder.mesh(f"{root}/{CIRCLE}", circle, _GREY, shaded=False)
+    ticks = {0: 1.02, 90: 1.06, 180: 1.25, 270: 1.06}  # labels extend to the right
+    places = {tick: _points(radius, np.radians(tick)) for tick, radius in ticks.items()}
+    labels = [Label(f"{tick}°", place.tolist(), CIRCLE) for tick, place in places.items()]
+    colours = MarginColours.over(result.problem.margin, result.margins, result.limited)
+    shown = np.where(result.feasible, result.margins, np.where(result.results.exist, -1.0, np.nan))
+    rings = result.by_branch(shown)
+    edges = np.linspace(1.0, _INNERMOST, len(rings) + 1)
+    items, best = [CIRCLE, BEST], result.best
+    names = [branch_name(label) for label in result.branch_labels().values()]
+    for number, (branch, margins) in enumerate(rings):
+        outer = edges[number]
+        radii = np.array([outer + _FILLED * (edges[number + 1] - outer), outer])
+        reached = np.isfinite(margins)
+        vertices, faces = _sectors(radii, result.headings[reached], result.step / 2.0)
+        shades = np.repeat(colours(margins[reached]), 4, axis=0)
+        items.append(names[number])
+        builder.coloured_mesh(f"{root}/{items[-1]}", vertices, faces, shades)
+        place = _points(radii.mean(), np.radians(280.0))
+        labels.append(Label(items[-1], place.tolist(), items[-1]))
+        if best is not None and best.branch == branch:
+            line = _points(radii, best.heading)
+            builder.mesh(f"{root}/{BEST}", tube(line, 0.006), _WHITE, shaded=False, overlay=True)
+            labels.append(Label("best", line[1].tolist(), BEST))
+    scene = TitledScene("all arm branches", _HEADINGS, labels, lines=tuple(_heading_lines(result)))
+    visible = dict.fromkeys(items, True)
+    columns = [values for _, values in result.by_branch(result.results.existing_margins)]
+    margins = np.nan_to_num(np.reshape(columns, (len(columns), result.samples)).T, nan=-1.0)
+    samples = Samples(_points(1.0, result.headings), margins, tuple(names))
+    return builder.scene(
+        SceneDescription(title, (scene,), visible, colours, _ABOVE, samples=samples)
+    )
+
+
+def _points(radii: Any, angles: Any) -> Array:
+    """Points in the x-y plane from radii [m] and angles [rad], which are broadcast."""
+    x, y = radii * np.cos(angles), radii * np.sin(angles)
+    return np.stack([x, y, np.zeros_like(x)], axis=-1)
+
+
+def _sectors(radii: Array, headings: Array, half: float) -> Surface:
+    """Vertices and faces of quadrilaterals between two radii around headings (K,) [rad]."""
+    angles = headings[:, None] + half * np.array([-1.0, -1.0, 1.0, 1.0])
+    faces = 4 * np.arange(len(headings))[:, None, None] + np.array([[0, 1, 2], [0, 2, 3]])
+    return _points(radii[[0, 1, 1, 0]], angles).reshape(-1, 3), faces.reshape(-1, 3)
+
+
+def _heading_lines(result: HeadingMap) -> Iterator[str]:
+    """Text of the scene: the percentage of feasible headings, and the best one."""
+    best = result.best
+    yield "initial heading from the x axis"
+    yield _kept(result, result.feasible_fraction, "headings")
+    if best is not None:
+        measure, name = result.problem.margin.measure, result.branch_labels()[best.branch]
+        where = f"{np.degrees(best.heading):.4g}°, {branch_name(name)}"
+        yield f"best: {where}, |{measure.title}| {best.minimum_margin:.6g}"
+    if any(np.isnan(row).any() for _, row in result.by_branch(result.results.existing_margins)):
+        yield "gaps: start of the path not reached"

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 import numpy.typing as npt
 from meshcat import geometry as g
@@ -29,9 +31,11 @@ _INDEPENDENT = (0.0, 0.62, 0.45)
 _GRANITE = (0.36, 0.38, 0.42, 1.0)
 _AXES = np.array([[0.90, 0.25, 0.20], [0.25, 0.75, 0.30], [0.30, 0.50, 1.00]])
 
+Surface = tuple[Array, IntArray]
+"""Vertices (V, 3) [m] and faces (F, 3)."""
 SIDES = 10
 """Corners of the cross-section of a tube."""
-_AROUND = 64
+_AROUND = 96
 """Corners of the cross-section of a surface of revolution."""
 
 
@@ -73,10 +77,9 @@ def draw_areas(builder: SceneBuilder, root: str, problem: Problem, areas: Worksp
         path = f"{root}/{AREAS}/{number}"
         if problem.has_headings:
             plane = problem.plane
-            below = plane.normal @ problem.path.path.curve(0.0) - 3.0 * thickness(problem)
-            vertices, faces = _ring(inner, outer, float(below))
-            ring = vertices @ plane.axes.T, faces
-            builder.mesh(path, ring, (*colour, 0.25), shaded=False)
+            level = float(plane.normal @ problem.path.path.curve(0.0)) - 3.0 * thickness(problem)
+            vertices, faces = surface_of_revolution([level, level], [inner, outer])
+            builder.mesh(path, (vertices @ plane.axes.T, faces), (*colour, 0.25), shaded=False)
         else:
             ball = icosphere(subdivisions=4, radius=outer)
             builder.mesh(path, (ball.vertices, ball.faces), (*colour, 0.10))
@@ -90,15 +93,6 @@ def draw_table(builder: SceneBuilder, root: str, corners: Array) -> None:
     middle = np.array([*(low + high)[:2] / 2.0, low[2] - thick / 2.0])
     builder.place(f"{root}/{TABLE}", Pose(middle, np.eye(3)))
     builder.mesh(f"{root}/{TABLE}", g.Box([width, width, thick]), _GRANITE)
-
-
-def _ring(inner: float, outer: float, z: float) -> tuple[Array, IntArray]:
-    angles = np.linspace(0.0, 2.0 * np.pi, 181)
-    circle = np.column_stack([np.cos(angles), np.sin(angles)])
-    vertices = np.column_stack([np.vstack([inner * circle, outer * circle]), np.full(362, z)])
-    k = np.arange(180)
-    faces = [np.stack([k, k + 181, k + 182], axis=1), np.stack([k, k + 182, k + 1], axis=1)]
-    return vertices, np.vstack(faces)
 
 
 def draw_centre(builder: SceneBuilder, root: str, problem: Problem) -> list[Label]:
@@ -141,7 +135,7 @@ def draw_ending(builder: SceneBuilder, root: str, motion: Motion) -> list[Label]
     return [Label(text, position.tolist(), SINGULARITY, final.time)]
 
 
-def tube(points: Array, radii: npt.ArrayLike) -> tuple[Array, IntArray]:
+def tube(points: Array, radii: npt.ArrayLike) -> Surface:
     """A tube around a curve, its rings transported along the curve without twist.
 
     Args:
@@ -166,19 +160,19 @@ def tube(points: Array, radii: npt.ArrayLike) -> tuple[Array, IntArray]:
     return np.vstack(rings), _faces(len(points))
 
 
-def rod(end: Array, radius: float) -> tuple[Array, IntArray]:
+def rod(end: Array, radius: float) -> Surface:
     """A straight tube with closed ends from the origin to a point (3,)."""
     return tube(np.array([0.0 * end, 0.0 * end, end, end]), [0.0, radius, radius, 0.0])
 
 
-def arrow(end: Array, radius: float) -> tuple[Array, IntArray]:
+def arrow(end: Array, radius: float) -> Surface:
     """A straight tube from the origin to a point (3,) whose last quarter is a cone."""
     points = np.outer([0.0, 0.0, 0.75, 0.75, 1.0], end)
     return tube(points, [0.0, radius, radius, 2.5 * radius, 0.0])
 
 
-def surface_of_revolution(ends: Array, radii: Array) -> tuple[Array, IntArray]:
-    """The cone, or cylinder, about z between two places on it (2,), with radii (2,) [m]."""
+def surface_of_revolution(ends: Iterable[float], radii: Iterable[float]) -> Surface:
+    """The cone, cylinder or ring about z between two places on it, with two radii [m]."""
     angles = np.linspace(0.0, 2.0 * np.pi, _AROUND, endpoint=False)
     circle = np.column_stack([np.cos(angles), np.sin(angles)])
     rings = [
@@ -187,11 +181,8 @@ def surface_of_revolution(ends: Array, radii: Array) -> tuple[Array, IntArray]:
     ]
     k = np.arange(_AROUND)
     following = (k + 1) % _AROUND
-    faces = np.vstack([
-        np.column_stack([k, following, k + _AROUND]),
-        np.column_stack([following, following + _AROUND, k + _AROUND]),
-    ])  # fmt: skip
-    return np.vstack(rings), faces
+    low, high = [k, following, k + _AROUND], [following, following + _AROUND, k + _AROUND]
+    return np.vstack(rings), np.hstack([low, high]).T
 
 
 def _directions(points: Array) -> Array:

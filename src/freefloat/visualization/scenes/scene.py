@@ -43,8 +43,7 @@ from freefloat.visualization.scenes.overlays import (
     draw_trail,
     thickness,
 )
-from freefloat.visualization.scenes.pointing_cones import POINTING
-from freefloat.visualization.scenes.sampled_motion import MAX_KEYS, SampledMotion, sampled_motion
+from freefloat.visualization.scenes.sampled_motion import MAX_KEYS, POINTING, SampledMotion
 from freefloat.visualization.scenes.scene_builder import ROOT, PageScene, SceneBuilder, node
 from freefloat.visualization.scenes.visuals import (
     bounding_box,
@@ -103,10 +102,10 @@ def motion_scene(
         _require_same_margin(motions)
     visuals_of = cache(robot_visuals)
     areas_of = cache(exact_workspace)
-    limit = MAX_KEYS // len(nodes)
+    axes, limit = tuple(pointing), MAX_KEYS // len(nodes)
     samples = [
-        sampled_motion(
-            motion, visuals_of(motion.problem.model), areas_of(motion.problem), limit, pointing
+        SampledMotion.of(
+            motion, visuals_of(motion.problem.model), areas_of(motion.problem), axes, limit
         )
         for motion in map(with_drawn_path, motions.values())
     ]

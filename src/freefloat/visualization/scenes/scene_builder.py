@@ -99,9 +99,8 @@ class SceneBuilder:
                 for path, tracks in self._tracks.items()
             ]
             options = {"play": False, "repetitions": 1}
-            animation = bytes(umsgpack.packb(
-                {"type": "set_animation", "path": "", "animations": clips, "options": options}
-            ))  # fmt: skip
+            head = {"type": "set_animation", "path": ""}
+            animation = bytes(umsgpack.packb({**head, "animations": clips, "options": options}))
         return PageScene(tuple(self._objects), tuple(self._copies), animation, description)
 
     def mesh(

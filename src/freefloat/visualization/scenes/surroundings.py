@@ -10,19 +10,21 @@ import numpy as np
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
 from freefloat.motion.scene_poses import corridor_pose, scene_poses
-from freefloat.robot.description import Colour
-from freefloat.robot.mesh_files import MeshFileError, find_mesh
-from freefloat.robot.meshes import capsule_mesh, read_mesh
-from freefloat.robot.shapes import Box, Capsule, Cylinder, MeshFile, Sphere
 from freefloat.rotations import Rotation
 from freefloat.scene.scene import Corridor
 from freefloat.scene.scene_body import SceneBody
 from freefloat.scene.tumbling import Tumbling
-from freefloat.so3 import Array, IntArray, Pose, axes_rotation
+from freefloat.so3 import Array, Pose
 from freefloat.visualization.scenes.description import Label
-from freefloat.visualization.scenes.overlays import surface_of_revolution
+from freefloat.visualization.scenes.overlays import Surface, surface_of_revolution
 from freefloat.visualization.scenes.scene_builder import SceneBuilder, node
-from freefloat.visualization.scenes.visuals import Shape, Visual, bounding_box
+from freefloat.visualization.scenes.visuals import (
+    Visual,
+    Visuals,
+    bounding_box,
+    drawn_parts,
+    frame_along,
+)
 
 BODIES, CORRIDOR = "Scene bodies", "Corridor"
 """Nodes of the scene tree that can be hidden, and their names on the page."""
@@ -33,43 +35,16 @@ _BEYOND = 1.1
 """Length of a corridor over that of the path along it."""
 
 
-@dataclass(frozen=True, eq=False)
-class BodyVisuals:
-    """Shapes of a body of the scene, and messages on those that cannot be drawn."""
-
-    shapes: tuple[Visual, ...]
-    problems: tuple[str, ...]
-
-
-def body_visuals(number: int, body: SceneBody) -> BodyVisuals:
+def body_visuals(number: int, body: SceneBody) -> Visuals:
     """The translucent shapes of a body of the scene with its number."""
     shapes: list[Visual] = []
     problems: list[str] = []
-    for shape in body.shapes("visual"):
-        try:
-            parts = _parts(shape.geometry, body.source)
-        except MeshFileError as error:
-            problems.append(f"scene body {body.name}: <{shape.kind}>: {error}")
-            continue
-        for geometry, colour in parts:
-            red, green, blue, _ = colour or shape.colour or _BODY
-            name, rgba = f"{len(shapes) + 1}", (red, green, blue, _OPACITY)
-            shapes.append(Visual(name, number, shape.origin, geometry, rgba))
-    return BodyVisuals(tuple(shapes), tuple(problems))
-
-
-def _parts(
-    geometry: Box | Cylinder | Sphere | Capsule | MeshFile | None, source: str
-) -> list[tuple[Shape, Colour | None]]:
-    """Geometries that are drawn, with their colours where they have some."""
-    if geometry is None:
-        raise MeshFileError("it cannot be read")
-    if isinstance(geometry, MeshFile):
-        file = find_mesh(geometry.filename, source)
-        return [(part.mesh, part.colour) for part in read_mesh(file, geometry.scale)]
-    if isinstance(geometry, Capsule):
-        return [(capsule_mesh(geometry), None)]
-    return [(geometry, None)]
+    parts = drawn_parts(f"scene body {body.name}", body.shapes("visual"), body.source, problems)
+    for shape, geometry, own in parts:
+        red, green, blue, _ = own or shape.colour or _BODY
+        name, colour = f"{len(shapes) + 1}", (red, green, blue, _OPACITY)
+        shapes.append(Visual(name, number, shape.origin, geometry, colour))
+    return Visuals(tuple(shapes), tuple(problems))
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +63,7 @@ class Surroundings:
     times: Array
     poses: tuple[tuple[Pose, ...], ...]
     corridor: tuple[Pose, ...]
-    visuals: tuple[BodyVisuals, ...]
+    visuals: tuple[Visuals, ...]
 
     @classmethod
     def of(cls, motion: Motion, times: Array, places: Array) -> Surroundings:
@@ -153,12 +128,11 @@ class Surroundings:
         """Points of the path in the corridor's frame [m], shape (K, 3)."""
         scene, path = self.problem.scene, self.problem.path
         times = np.linspace(0.0, path.duration, 101).tolist()
-        return np.array([
-            (scene.corridor_pose(t, path).inverse() @ path.pose(t)).position for t in times
-        ])  # fmt: skip
+        poses = (scene.corridor_pose(t, path).inverse() @ path.pose(t) for t in times)
+        return np.array([pose.position for pose in poses])
 
 
-def _corridor_surface(corridor: Corridor, path: Array) -> tuple[Array, IntArray]:
+def _corridor_surface(corridor: Corridor, path: Array) -> Surface:
     """Vertices and faces of a corridor that is as long as a path (K, 3) in its frame."""
     offsets = path - corridor.point
     along = offsets @ corridor.axis
@@ -170,10 +144,8 @@ def _corridor_surface(corridor: Corridor, path: Array) -> tuple[Array, IntArray]
         slant = _BEYOND * float(np.linalg.norm(offsets, axis=1).max())
         ends = np.array([0.0, slant * np.cos(corridor.half_angle)])
         radii = np.array([0.0, slant * np.sin(corridor.half_angle)])
-    across = np.eye(3)[int(np.argmin(np.abs(corridor.axis)))]
-    axes = axes_rotation("axis", ("z", corridor.axis), ("x", across))
     vertices, faces = surface_of_revolution(ends, radii)
-    return corridor.point + vertices @ axes.T, faces
+    return corridor.point + vertices @ frame_along(corridor.axis).T, faces
 
 
 def _move(

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import cache
 
 import numpy as np
 
 from freefloat.motion.motion import Motion
-from freefloat.robot.description import Colour
+from freefloat.robot.description import Colour, LinkShape
 from freefloat.robot.mesh_files import MeshFileError, find_mesh
-from freefloat.robot.meshes import Mesh, Part, capsule_mesh, read_mesh
+from freefloat.robot.meshes import Mesh, capsule_mesh, read_mesh
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.shapes import Box, Capsule, Cylinder, MeshFile, Sphere, corners
 from freefloat.so3 import Array, Pose, axes_rotation
@@ -108,66 +107,67 @@ def view_direction(motions: Sequence[Array], others: Sequence[Array] = ()) -> Ar
 
 
 @dataclass(frozen=True, eq=False)
-class RobotVisuals:
-    """Shapes of a robot.
+class Visuals:
+    """Shapes of a robot, or of a body of the scene.
 
     Attributes:
-        shapes: Shapes, each fixed to a body and named after its link.
-        problems: Messages on visuals of the URDF that cannot be drawn.
+        shapes: Shapes, each fixed to a body; those of a robot are named after their links.
+        problems: Messages on visuals that cannot be drawn.
     """
 
     shapes: tuple[Visual, ...]
     problems: tuple[str, ...]
 
 
-def robot_visuals(model: FreeFloatingModel) -> RobotVisuals:
+def drawn_parts(
+    owner: str, shapes: Iterable[LinkShape], source: str, problems: list[str]
+) -> Iterator[tuple[LinkShape, Shape, Colour | None]]:
+    """Yield geometries of a link's or a body's shapes, with the colours that mesh files state.
+
+    Messages on shapes that cannot be drawn are added to problems.
+    """
+    for number, shape in enumerate(shapes, start=1):
+        geometry, name = shape.geometry, f"{owner}: <{shape.kind}> {number}"
+        if geometry is None or geometry == MeshFile(""):
+            problems.append(f"{name} cannot be read")
+        elif isinstance(geometry, MeshFile):
+            try:
+                parts = read_mesh(find_mesh(geometry.filename, source), geometry.scale)
+                yield from ((shape, part.mesh, part.colour) for part in parts)
+            except MeshFileError as error:
+                problems.append(f"{name}: mesh {geometry.filename}: {error}")
+        else:
+            yield shape, capsule_mesh(geometry) if isinstance(geometry, Capsule) else geometry, None
+
+
+def robot_visuals(model: FreeFloatingModel) -> Visuals:
     """The visuals of all links, with a mesh per colour.
 
     A link with mass but without visuals has its collision shapes. Arm bodies without either get
     rods; a spacecraft whose heaviest link has none gets a box.
     """
-
-    @cache
-    def load(geometry: MeshFile) -> tuple[Part, ...]:
-        file = find_mesh(geometry.filename, model.description.source)
-        return read_mesh(file, geometry.scale)
-
     spacecraft = max(
         (link for link in model.description.links if model.link_places[link.name][0] == 0),
         key=lambda link: link.mass,
     )
     grey = next((shape.colour for shape in spacecraft.visuals if shape.colour), _SPACECRAFT)
     shapes: list[Visual] = []
-    problems = []
+    problems: list[str] = []
     drawn: set[int] = set()
     for link in model.description.links:
         body, place = model.link_places[link.name]
-        parts: list[tuple[Pose, Shape, Colour]] = []
         seen = link.visuals or (link.collisions if link.mass > 0.0 else ())
-        for number, visual in enumerate(seen, start=1):
-            geometry = visual.geometry
-            at = place @ visual.origin
-            colour = visual.colour or _default_colour(body, geometry)
+        parts = [*drawn_parts(f"link {link.name}", seen, model.description.source, problems)]
+        for number, (visual, geometry, own) in enumerate(parts, start=1):
+            colour = visual.colour or _default_colour(body, visual.geometry)
             if body > 0 and np.ptp([colour[:3], grey[:3]]) < _ALIKE:
                 colour = _LINKS[body % 2]
-            if geometry is None or geometry == MeshFile(""):
-                problems.append(f"link {link.name}: its <{visual.kind}> {number} cannot be read")
-            elif isinstance(geometry, Capsule):
-                parts.append((at, capsule_mesh(geometry), colour))
-            elif not isinstance(geometry, MeshFile):
-                parts.append((at, geometry, colour))
-            else:
-                try:
-                    parts += [(at, part.mesh, part.colour or colour) for part in load(geometry)]
-                except MeshFileError as error:
-                    problems.append(f"link {link.name}: mesh {geometry.filename}: {error}")
-        for number, (at, shape, colour) in enumerate(parts, start=1):
             name = link.name if len(parts) == 1 else f"{link.name} {number}"
-            shapes.append(Visual(name, body, at, shape, colour))
+            shapes.append(Visual(name, body, place @ visual.origin, geometry, own or colour))
         if parts and (body > 0 or link is spacecraft):
             drawn.add(body)
     shapes += _default_visuals(model, drawn, spacecraft.name)
-    return RobotVisuals(tuple(shapes), tuple(problems))
+    return Visuals(tuple(shapes), tuple(problems))
 
 
 def _default_colour(body: int, geometry: object) -> Colour:
@@ -202,19 +202,20 @@ def _default_visuals(
             start, name = body.centre, f"{spacecraft} mount"
         else:
             hub = Cylinder(_HUB * size, 2.5 * _HUB * size)
-            yield Visual(f"{name} joint", index, _along(np.zeros(3), body.axis), hub, _JOINT)
             start = np.zeros(3)
+            yield Visual(f"{name} joint", index, Pose(start, frame_along(body.axis)), hub, _JOINT)
         for step in (end - start for end in ends[index]):
             length = float(np.linalg.norm(step))
             if length > _ROD * size:
                 rod = Cylinder(_ROD * size, length)
-                yield Visual(name, index, _along(start + step / 2.0, step), rod, _LINKS[index % 2])
+                middle = Pose(start + step / 2.0, frame_along(step))
+                yield Visual(name, index, middle, rod, _LINKS[index % 2])
 
 
-def _along(position: Array, direction: Array) -> Pose:
-    """A frame at a position with its z axis along a direction (3,) of any length but zero."""
+def frame_along(direction: Array) -> Array:
+    """A frame (3, 3) with its z axis along a direction (3,) of any length but zero."""
     across = np.eye(3)[int(np.argmin(np.abs(direction)))]
-    return Pose(position, axes_rotation("direction", ("z", direction), ("x", across)))
+    return axes_rotation("direction", ("z", direction), ("x", across))
 
 
 def bounding_box(visual: Visual) -> Array:
@@ -231,7 +232,7 @@ def bounding_box(visual: Visual) -> Array:
     return np.asarray(at.position + points @ at.rotation.T)
 
 
-def largest_box(visuals: RobotVisuals, body: int) -> Array:
+def largest_box(visuals: Visuals, body: int) -> Array:
     """The corners of a body's largest box in its frame [m], as :func:`bounding_box`.
 
     Without a box among its visuals: the bounding box of the largest other shape.
