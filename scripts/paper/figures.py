@@ -36,7 +36,6 @@ from freefloat.visualization.figure_style import (
     new_figure,
     styled,
 )
-from freefloat.visualization.figures.joint_space_figure import joint_space_figure, motion_curve
 from freefloat.visualization.figures.motion_figures import (
     draw_curves,
     euler_angles,
@@ -44,8 +43,8 @@ from freefloat.visualization.figures.motion_figures import (
     mark_times,
     shown_times,
 )
-from freefloat.visualization.figures.scene_figures import outlines, snapshots_figure
-from freefloat.visualization.figures.scene_outlines import from_above
+from freefloat.visualization.figures.planar_figures import joint_space_figure, motion_curve
+from freefloat.visualization.figures.scene_figures import from_above, outlines, snapshots_figure
 from freefloat.visualization.figures.workspace_figure import workspace_figure
 from paper.examples import (
     BAD_ATTITUDE,

@@ -12,8 +12,7 @@ from scipy.spatial import ConvexHull
 import freefloat as ff
 from freefloat.motion.motion import Motion
 from freefloat.so3 import heading_quaternion
-from freefloat.visualization.figures.scene_figures import snapshots_figure
-from freefloat.visualization.figures.scene_outlines import outline_points
+from freefloat.visualization.figures.scene_figures import outline_points, snapshots_figure
 
 RATE = 0.1
 BODIES = (

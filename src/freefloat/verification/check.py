@@ -65,6 +65,9 @@ class CheckReport:
 
     def to_dict(self) -> dict[str, Any]:
         """The JSON document of ``freefloat check``, but for the file."""
+        inverse, forward, engine = self.runs.inverse, self.runs.forward, None
+        if forward is not None:
+            engine = {"name": self.engine, "inverse": asdict(inverse), "forward": asdict(forward)}
         return {
             "proved": self.passed,
             "kind": self.kind,
@@ -74,15 +77,8 @@ class CheckReport:
             "given": list(self.given),
             "certificate": None if self.certificate is None else self.certificate.to_dict(),
             "limits": [result.to_dict() for result in self.limits],
-            "engine": self._engine_document,
+            "engine": engine,
         }
-
-    @property
-    def _engine_document(self) -> dict[str, Any] | None:
-        if self.runs.forward is None:
-            return None
-        inverse, forward = asdict(self.runs.inverse), asdict(self.runs.forward)
-        return {"name": self.engine, "inverse": inverse, "forward": forward}
 
 
 def check(result: Answer | MarginMap | Any, engine: str = PINOCCHIO) -> CheckReport:

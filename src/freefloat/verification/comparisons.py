@@ -84,14 +84,6 @@ class Check:
     relation: str = "≤"
 
     @property
-    def exceeds(self) -> bool:
-        """Whether the value that was found is beyond what is allowed; a file may state so."""
-        if self.recomputed is None or self.allowed is None or self.relation not in "≤≥":
-            return False
-        found, allowed = self.recomputed, self.allowed
-        return found > allowed if self.relation == "≤" else found < allowed
-
-    @property
     def reason(self) -> str:
         """Name and detail."""
         return f"{self.name}: {self.detail}" if self.detail else self.name
@@ -129,8 +121,7 @@ def span_check(motion: Motion) -> Check:
     error = max(abs(first), abs(last - duration) if motion.completed else last - duration)
     passed = motion.panels > 0 and error <= _ENDS * duration
     words = f"the path takes {duration:g} s, the motion goes from {first:g} to {last:g} s"
-    detail = "" if passed else words
-    allowed = _ENDS * duration
+    detail, allowed = "" if passed else words, _ENDS * duration
     return Check("whole motion", passed, detail, duration, last, allowed, "s", relation="±")
 
 
@@ -149,15 +140,10 @@ def path_tolerances(motion: Motion) -> tuple[float, float]:
     """Allowed distance [m] and angle [rad] of the end-effector from the path of a motion."""
     rotation = float(angle_between(motion.attitudes[1:], motion.attitudes[:-1]).sum())
     angle = _ON_PATH * max(1.0, rotation / (2.0 * np.pi))
-    return angle * _reach(motion), angle
+    return angle * max(1.0, motion.problem.reach()), angle  # at least a metre
 
 
-def _reach(motion: Motion) -> float:
-    """Reach of the arm, or one metre if that is more."""
-    return max(1.0, motion.problem.reach())
-
-
-def certificate_checks(certificate: Certificate, motion: Motion, feasible: bool) -> list[Check]:
+def certificate_checks(certificate: Certificate, motion: Motion, feasible: bool) -> Iterator[Check]:
     """Check the errors and bounds of a certificate."""
     distance, angle = path_tolerances(motion)
     momentum = _MOMENTUM * certificate.momentum_scale + _rounding(motion)
@@ -167,17 +153,14 @@ def certificate_checks(certificate: Certificate, motion: Motion, feasible: bool)
         ("angular momentum", certificate.momentum, momentum, "N m s"),
         ("joint rates", certificate.rates, _rate_tolerance(motion), "of the largest"),
     ]
-    checks = [
-        error_check(name, worst.value, allowed, unit, worst.time)
-        for name, worst, allowed, unit in errors
-        if worst is not None
-    ]
-    checks += _second_checks(certificate.integration)
-    checks += [_margin_check(minimum, motion, feasible) for minimum in certificate.minima]
-    checks += end_checks(motion)
+    for name, worst, allowed, unit in errors:
+        if worst is not None:
+            yield error_check(name, worst.value, allowed, unit, worst.time)
+    yield from _second_checks(certificate.integration)
+    yield from (_margin_check(minimum, motion, feasible) for minimum in certificate.minima)
+    yield from end_checks(motion)
     if feasible and not motion.completed:
-        checks.append(Check("whole path", False, motion.ending.value, time=motion.final.time))
-    return checks
+        yield Check("whole path", False, motion.ending.value, time=motion.final.time)
 
 
 def _rate_tolerance(motion: Motion) -> float:

@@ -59,39 +59,28 @@ _STATE = _Rule(1e-4, 1e-6, slack=1e-3)
 _END = _STATE._replace(slack=1e-2)
 """Where a motion ends singular, its state changes with the root of the time that is left."""
 _STEP_COUNTS = _Rule(1e-3, 1e-6, factor=2.0, slack=1e-3)
-_RULES = {
-    # errors are rounding: their order of magnitude is compared
-    "end_effector_position.value": _ERROR,
-    "end_effector_orientation.value": _ERROR,
-    "momentum.value": _ERROR,
-    "rates.value": _ERROR,
-    "integration.attitude": _ERROR,
-    "integration.joints": _ERROR,
-    "limit_results.base_wrench": _ERROR,
-    "end_effector_position.time": _ANY,
-    "end_effector_orientation.time": _ANY,
-    "momentum.time": _ANY,
-    "rates.time": _ANY,
-    "integration.attitude_time": _ANY,
-    "integration.joints_time": _ANY,
-    "integration.joint": _ANY,
+_ERRORS = """
+end_effector_position.value end_effector_orientation.value momentum.value rates.value
+integration.attitude integration.joints limit_results.base_wrench
+"""
+"""Errors are rounding: their order of magnitude is compared."""
+_FREE = """
+end_effector_position.time end_effector_orientation.time momentum.time rates.time
+integration.attitude_time integration.joints_time integration.joint contact.time contact.s
+boundary boundary.attitude boundary.branch touch touch.attitude touch.branch touch.gap touch.kind
+motions.minimum_at
+"""
+"""When and where errors, distances and alike minima are largest or smallest; points of a boundary,
+of which it is not known how many were asked for."""
+_RULES: dict[str, _Rule] = {
+    **dict.fromkeys(_ERRORS.split(), _ERROR),
+    **dict.fromkeys(_FREE.split(), _ANY),
     # a proof stops at nine tenths of the minimum or above
     "minima.bound": _Rule(absolute=0.0, factor=10.0 / 9.0, slack=1e-9),
     "minima.value": _Rule(absolute=0.0, slack=1e-9),  # each in the unit of its measure
     "certificate.intervals": _SEARCHED,
     # distances are found up to a tenth of a millimetre, where they hardly change at any time
     "contact.depth": _Rule(slack=2e-4),
-    "contact.time": _ANY,
-    "contact.s": _ANY,
-    # how many points were asked for is not known
-    "boundary": _ANY,
-    "boundary.attitude": _ANY,
-    "boundary.branch": _ANY,
-    "touch": _ANY,
-    "touch.attitude": _ANY,
-    "touch.branch": _ANY,
-    "touch.gap": _ANY,
-    "touch.kind": _ANY,
     # searches of attitudes that end elsewhere where a machine rounds otherwise
     "tolerance.momentum": _SEARCHED,
     "tolerance.shortest": _SEARCHED,
@@ -103,7 +92,6 @@ _RULES = {
     "results.joints": _Rule(absolute=1e-6),
     "motions.ended_at": _STATE,
     "motions.minimum": _STATE._replace(scaled=True),
-    "motions.minimum_at": _ANY,  # where two minima are alike, rounding decides; values are compared
     "motions.attitudes": _END,
     "motions.joints": _END,
     "motions.lower": _END,
@@ -113,7 +101,7 @@ _RULES = {
     "motions.base_rate": _STEP_COUNTS._replace(unbounded=True),
     "motions.determinant_ratios": _STEP_COUNTS,
     "motions.evaluations": _SEARCHED._replace(unbounded=True),
-}  # fmt: skip
+}
 """Rules by the last two parts of a name, without numbers, or the last one alone."""
 
 

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from freefloat.errors import InputError, finite_number, require_type, whole_number
 from freefloat.motion.motion import Ending, Motion
 from freefloat.rotations import Rotation
-from freefloat.so3 import Array, Pose, frozen, without_jumps
+from freefloat.so3 import Array, frozen, without_jumps
 
 MAX_SAMPLES = 1_000_000
 """More samples would fill gigabytes of text."""
@@ -71,11 +71,6 @@ class Track:
     arm: str
     positions: Array
     orientations: Array
-
-    @classmethod
-    def of(cls, arm: str, poses: Pose) -> Track:
-        """That with K poses in the inertial frame."""
-        return cls(arm, poses.position, frozen(without_jumps(poses.quaternion)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -194,7 +189,8 @@ class Trajectory:
         base_axes = Rotation.from_quat(attitudes)
         bodies = problem.model.body_poses(attitudes, joints)
         links = {"": problem.model.end_effector_link, **problem.model.further_arms}
-        places = {arm: problem.model.link_places[link] for arm, link in links.items()}
+        places = ((arm, *problem.model.link_places[link]) for arm, link in links.items())
+        poses = ((arm, bodies[number] @ place) for arm, number, place in places)
         return cls(
             motion=motion,
             times=times,
@@ -207,7 +203,8 @@ class Trajectory:
             joint_accelerations=accelerations,
             joint_torques=torques,
             end_effectors=tuple(
-                Track.of(arm, bodies[number] @ place) for arm, (number, place) in places.items()
+                Track(arm, pose.position, frozen(without_jumps(pose.quaternion)))
+                for arm, pose in poses
             ),
             centre_of_mass_positions=np.outer(times, problem.path.drift),
             measure=problem.margin.measure(joints),

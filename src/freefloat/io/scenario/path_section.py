@@ -33,16 +33,14 @@ from freefloat.paths.orientation import (
     SlerpOrientation,
 )
 from freefloat.paths.path import EndEffectorPath
-from freefloat.paths.relative_path import RelativePath
 from freefloat.paths.samples import parse_samples
 from freefloat.paths.timed_path import TimedPath
-from freefloat.paths.timing import Timing
 from freefloat.planning.settings import Search
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.rotations import Rotation
 from freefloat.scene.scene import Scene
 from freefloat.scene.scene_body import SceneBody
-from freefloat.so3 import UPRIGHT, Array, Pose
+from freefloat.so3 import UPRIGHT, Pose
 
 SAMPLES = "samples.csv"
 """Name of the CSV file in a scenario that was made from a path of samples, unless it is another."""
@@ -98,15 +96,6 @@ def frame_of(
     if isinstance(kind, FrameName):
         return frames_at(model, attitude, joints, joint)[kind]
     return model.body_poses(attitude, joints)[0] @ place
-
-
-def timed_path(
-    path: EndEffectorPath, timing: Timing, drift: Array, frame: Pose | SceneBody | None
-) -> TimedPath:
-    """A path by time: of coordinates in the frame of a tumbling body, relative to that."""
-    if isinstance(frame, SceneBody):
-        return RelativePath(frame, path, timing).timed(drift)
-    return TimedPath(path, timing, drift)
 
 
 def path_of(

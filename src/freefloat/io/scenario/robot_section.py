@@ -71,10 +71,6 @@ class BodySection(Section):
         return self.model_dump() | {"mesh": None if self.mesh is None else folder / self.mesh}
 
 
-class PayloadSection(BodySection):
-    """A rigid body fixed to the end-effector."""
-
-
 class SpacecraftSection(BodySection):
     """A spacecraft that carries a bare arm."""
 
@@ -140,7 +136,7 @@ class RobotSection(Section):
     """Factor on mass and inertia of every link, or a map from link to factor."""
     spacecraft: SpacecraftSection | None = None
     """Carries the arm, if the URDF describes a bare arm."""
-    payload: PayloadSection | None = None
+    payload: BodySection | None = None
     """Fixed to the end-effector."""
     attached: list[AttachedSection] = Field(default=[], max_length=100)
     """Further URDFs, fixed to links one after the other."""

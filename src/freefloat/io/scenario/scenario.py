@@ -20,7 +20,7 @@ from freefloat.errors import InputError
 from freefloat.io.scenario.arms_section import curves_of, paths_of_arms
 from freefloat.io.scenario.limits_section import limits_of
 from freefloat.io.scenario.path_schema import PathSection
-from freefloat.io.scenario.path_section import frame_of, path_of, timed_path
+from freefloat.io.scenario.path_section import frame_of, path_of
 from freefloat.io.scenario.planned import PlannedScenario
 from freefloat.io.scenario.robot_section import RobotFile
 from freefloat.io.scenario.scene_section import FileShapes
@@ -31,6 +31,7 @@ from freefloat.limits.limits import Limits
 from freefloat.motion.margin import Margin
 from freefloat.motion.problem import Problem
 from freefloat.paths.path_stack import PathStack
+from freefloat.paths.relative_path import RelativePath
 from freefloat.paths.timed_path import TimedPath
 from freefloat.paths.timing import Timing
 from freefloat.planning.settings import Search
@@ -38,6 +39,7 @@ from freefloat.robot.bundled import find_scenario
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.source import RobotSource
 from freefloat.scene.scene import Scene
+from freefloat.scene.scene_body import SceneBody
 from freefloat.singularities.global_maximum import largest_magnitude
 from freefloat.so3 import Pose
 
@@ -136,7 +138,10 @@ class Scenario(PlannedScenario):
             known = frame if isinstance(frame, Pose) else None
             path = path_of(section, self.content.task, self.samples, self.source.parent, known)
         with self.error_context(), file_keys(path=key):
-            return timed_path(path, timing, np.array(self.content.drift), frame)
+            drift = np.array(self.content.drift)
+            if isinstance(frame, SceneBody):  # it tumbles
+                return RelativePath(frame, path, timing).timed(drift)
+            return TimedPath(path, timing, drift)
 
     def system(self) -> System:
         """The robot with its momentum, wheels and drift."""

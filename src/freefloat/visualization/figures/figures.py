@@ -31,17 +31,16 @@ from freefloat.planning.touching.touch_point import motion_through
 from freefloat.regions.planar_regions import has_two_angle_form
 from freefloat.regions.workspace import Workspace, workspace_regions
 from freefloat.visualization.figure_style import Drawings, Figures, styled
-from freefloat.visualization.figures.joint_space_figure import joint_space_figure
 from freefloat.visualization.figures.map_figures import (
     histogram_figure,
     slices_figure,
     touch_points_figure,
 )
 from freefloat.visualization.figures.motion_figures import angles_figure, motion_figures
-from freefloat.visualization.figures.planar_figures import headings_figure
+from freefloat.visualization.figures.planar_figures import headings_figure, joint_space_figure
 from freefloat.visualization.figures.scene_figures import snapshots_figure
 from freefloat.visualization.figures.workspace_figure import workspace_figure
-from freefloat.visualization.scenes.drawn_path import with_drawn_path
+from freefloat.visualization.scenes.sampled_motion import with_drawn_path
 from freefloat.visualization.slices import Mark, map_marks, map_slices
 
 _HEADINGS = 720

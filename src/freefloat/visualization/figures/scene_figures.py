@@ -1,28 +1,36 @@
-"""Figures of the robot at several instants."""
+"""Figures of the robot, and the bodies of its scene, at several instants."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+import scipy
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 from matplotlib.ticker import MaxNLocator
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from mpl_toolkits.mplot3d.proj3d import proj_transform
 
+from freefloat.attitude_grids import even_directions
 from freefloat.dynamics.plane import Plane
 from freefloat.motion.motion import Ending, Motion
-from freefloat.motion.problem import Problem
+from freefloat.motion.scene_poses import scene_poses
 from freefloat.regions.workspace import Workspace
+from freefloat.robot.meshes import Mesh
+from freefloat.robot.shapes import Box, Cylinder, corners
+from freefloat.scene.scene_body import SceneBody
 from freefloat.so3 import Array, cross
 from freefloat.visualization.figure_style import (
     BLACK,
     COLUMN,
     GREY,
+    ORANGE,
     PAGE,
     VERMILION,
     digits,
@@ -31,14 +39,11 @@ from freefloat.visualization.figure_style import (
     new_figure,
     styled,
 )
-from freefloat.visualization.figures.scene_outlines import (
-    draw_in_plane,
-    draw_in_space,
-    from_above,
-    outline_points,
-)
 from freefloat.visualization.figures.workspace_figure import draw_areas, draw_lines, draw_path
+from freefloat.visualization.scenes.overlays import surface_of_revolution
+from freefloat.visualization.scenes.surroundings import body_visuals
 from freefloat.visualization.scenes.visuals import (
+    Shape,
     Visuals,
     body_poses,
     bounding_box,
@@ -55,7 +60,6 @@ _FACES = [[0, 1, 3, 2], [4, 5, 7, 6], [0, 1, 5, 4], [2, 3, 7, 6], [0, 2, 6, 4], 
 """Corners of the faces of a box."""
 _LARGE = 0.25
 """Least size of the shapes of the spacecraft that are drawn, over that of the largest box."""
-
 _FLATTEST, _ZOOM, _TICKS = 0.4, (0.62, 0.8), 4
 """Least side of the box of a view over its largest one, the width and height of the box in its
 axes, and the number of ticks of the longest edge."""
@@ -63,6 +67,12 @@ _EDGES = np.array([
     [(-1, 1, -1), (1, 1, -1)], [(1, -1, -1), (1, 1, -1)], [(1, -1, 1), (1, -1, -1)],
 ])  # fmt: skip
 """Ends of the edges with numbers over half of the box, where the eye is at positive x, y and z."""
+_SPHERE, _DECIMALS = 400, 9
+"""Points on a sphere, and decimals of those of outlines [m]."""
+_JOGGLE = "QJ"
+"""Option of Qhull for flat shapes."""
+_ARM: Any = {"linestyle": "-", "linewidth": 1.4, "marker": "o", "markersize": 2.4}
+_BODY: Any = {"facecolor": ORANGE, "edgecolor": ORANGE, "linewidth": 0.8, "alpha": 0.3, "zorder": 1}
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,8 +145,7 @@ def snapshots_figure(motion: Motion, workspace: Workspace | None = None) -> Figu
     times = np.linspace(motion.initial.time, motion.final.time, _VIEWS)
     robots = outlines(motion, times)
     for axes, robot, time in zip(views, robots, times, strict=True):
-        _draw_in_space(axes, motion.problem, robot)
-        draw_in_space(axes, motion, float(time))
+        _draw_in_space(axes, motion, robot, float(time))
         axes.set_title(f"{digits(time)} s", y=1.0)
     _mark_singular(views[-1], motion)
     bodies = np.array([[robot.spacecraft[0].mean(axis=0), *robot.arm[1:]] for robot in robots])
@@ -159,7 +168,7 @@ def draw_snapshots(axes: Any, motion: Motion, workspace: Workspace | None) -> No
     draw_path(axes, motion.problem, workspace)
     times = np.linspace(motion.initial.time, motion.final.time, _INSTANTS)
     robots, plane = outlines(motion, times), motion.problem.plane
-    draw_in_plane(axes, motion, times)
+    _draw_bodies(axes, motion, times)
     shades = [f"{shade:.3f}" for shade in np.linspace(_LIGHTEST, 0.0, _INSTANTS)]
     for k in (0, -1):
         for box in robots[k].spacecraft[::-1]:
@@ -171,10 +180,7 @@ def draw_snapshots(axes: Any, motion: Motion, workspace: Workspace | None) -> No
 
 
 def _draw_arm(axes: Any, points: Array, shade: str) -> None:
-    axes.plot(
-        *points.T, color=shade, linestyle="-", linewidth=1.4, marker="o", markersize=2.4,
-        markerfacecolor="white", zorder=4,
-    )  # fmt: skip
+    axes.plot(*points.T, color=shade, markerfacecolor="white", zorder=4, **_ARM)
 
 
 def _mark_singular(axes: Any, motion: Motion, plane: Plane | None = None) -> None:
@@ -186,13 +192,64 @@ def _mark_singular(axes: Any, motion: Motion, plane: Plane | None = None) -> Non
         draw_point(axes, position, "X", 6.0, color=VERMILION, zorder=9, label=label)
 
 
-def _draw_in_space(axes: Any, problem: Problem, robot: Outline) -> None:
-    draw_lines(axes, problem)
+def _draw_in_space(axes: Any, motion: Motion, robot: Outline, time: float) -> None:
+    """Draw paths, robot and bodies of the scene at a time [s]."""
+    draw_lines(axes, motion.problem)
     faces = robot.spacecraft[:, _FACES].reshape(-1, 4, 3)
     style = {"facecolors": _FACE, "edgecolors": GREY, "linewidths": 0.6, "alpha": 0.45}
     axes.add_collection3d(Poly3DCollection(faces, **style))
     for points in (robot.arm, *robot.others):
         _draw_arm(axes, points, BLACK)
+    for _, points in outline_points(motion, time):
+        faces = points[scipy.spatial.ConvexHull(points, qhull_options=_JOGGLE).simplices]
+        axes.add_collection3d(Poly3DCollection(faces, facecolors=ORANGE, alpha=0.25))
+
+
+def _draw_bodies(axes: Any, motion: Motion, times: Array) -> None:
+    """Draw the outlines of the bodies in the robot's plane, of moving ones at all times [s]."""
+    drifts, label = motion.problem.path.drifts, {"label": "other bodies"}
+    for number, time in enumerate(times.tolist()):
+        for body, points in outline_points(motion, time):
+            if number == 0 or drifts or body.motion != "fixed":
+                outline = from_above(motion.problem.plane.seen(points))
+                axes.add_patch(Polygon(outline, **_BODY, **label))
+                label = {}
+
+
+def from_above(points: Array) -> Array:
+    """Corners of the convex outline of points (K, 3) in the x-y plane [m], shape (C, 2)."""
+    places = np.unique(points[:, :2].round(_DECIMALS), axis=0)
+    return np.asarray(places[scipy.spatial.ConvexHull(places, qhull_options=_JOGGLE).vertices])
+
+
+def outline_points(motion: Motion, time: float) -> Iterator[tuple[SceneBody, Array]]:
+    """Yield each shape of the bodies at a time [s] as points in the inertial frame [m], (K, 3)."""
+    _, attitudes, joints = motion.evaluate(motion.coordinates_at([time]))
+    poses = scene_poses(motion, time, attitudes[0], joints[0])
+    for body, pose in zip(motion.problem.scene.bodies, poses, strict=True):
+        for points in _body_points(body):
+            yield body, pose.position + points @ pose.rotation.T
+
+
+@lru_cache(maxsize=64)
+def _body_points(body: SceneBody) -> tuple[Array, ...]:
+    """Points of the shapes of a body in its frame [m], shape (K, 3) each."""
+    return tuple(
+        visual.placement.position + _points(visual.shape) @ visual.placement.rotation.T
+        for visual in body_visuals(0, body).shapes
+    )
+
+
+def _points(shape: Shape) -> Array:
+    """Points of a shape in its own frame whose convex hull is nearly that of the shape."""
+    if isinstance(shape, Mesh):
+        return shape.vertices
+    if isinstance(shape, Box):
+        return corners(shape)
+    if isinstance(shape, Cylinder):
+        ends = -shape.length / 2.0, shape.length / 2.0
+        return surface_of_revolution(ends, (shape.radius, shape.radius))[0]
+    return shape.radius * even_directions(_SPHERE)
 
 
 def _set_equal_scales(views: Any, points: Array, eye: Array) -> None:

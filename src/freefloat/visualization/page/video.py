@@ -8,6 +8,7 @@ import math
 import os
 import shutil
 import subprocess
+import sys
 from collections.abc import Iterable
 from contextlib import closing
 from dataclasses import dataclass
@@ -17,7 +18,7 @@ import numpy as np
 from PIL import Image
 
 from freefloat.concurrency import Progress
-from freefloat.errors import InputError
+from freefloat.errors import InputError, finite_number
 from freefloat.io.files import written_beside
 from freefloat.visualization.page.pictures import SIZE, take_pictures
 from freefloat.visualization.page.playback import Playback
@@ -96,10 +97,9 @@ def frame_times(
     return FrameTimes(tuple(min(k * step, duration) for k in range(count)), rate, speed)
 
 
-def _positive(key: str, value: float, limit: float) -> float:
-    if not 0.0 < value <= limit:
-        raise InputError(key, f"{value:g} is out of range", f"a positive number, at most {limit:g}")
-    return value
+def _positive(key: str, value: float, most: float) -> float:
+    accepted = f"a positive number, at most {most:g}"
+    return finite_number(key, value, accepted, sys.float_info.min, most)
 
 
 def save_video(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -10,6 +10,10 @@ from matplotlib.colors import to_hex
 
 from freefloat.motion.motion import Motion
 from freefloat.motion.pointing import Keep, PointingLimit
+from freefloat.paths.curves import SplineCurve
+from freefloat.paths.orientation import OrientationSpline
+from freefloat.paths.path import EndEffectorPath
+from freefloat.paths.timed_path import TimedPath
 from freefloat.regions.workspace import Workspace
 from freefloat.rotations import Rotation
 from freefloat.scene.tumbling import Tumbling
@@ -63,6 +67,25 @@ def key_times(motion: Motion, limit: int = MAX_KEYS) -> Array:
     nodes = motion.times[:: 1 + 2 * len(motion.times) // limit]
     times = np.concatenate([np.linspace(first, last, count), nodes]).astype(np.float32)
     return np.unique(np.clip(times.astype(float), first, last))
+
+
+def with_drawn_path(motion: Motion) -> Motion:
+    """The motion, whose problem has the path that the end-effector takes.
+
+    That of prescribed joints is a spline through its poses at the nodes.
+    """
+    if motion.curve is None:
+        return motion
+    problem, states = motion.problem, zip(motion.attitudes, motion.joints, strict=True)
+    poses = [problem.model.end_effector_pose(*state) for state in states]
+    timing, drift = problem.path.timing, problem.path.drift
+    points = np.array([pose.position for pose in poses]) + np.outer(motion.times, drift)
+    rotations = Rotation.from_matrix([pose.rotation for pose in poses])
+    s = np.array([timing.s(float(t)) for t in motion.times])
+    path = EndEffectorPath(SplineCurve(points, s), OrientationSpline(rotations.as_quat(), s))
+    if not path.moves:
+        return motion
+    return replace(motion, problem=replace(problem, path=TimedPath(path, timing, drift)))
 
 
 @dataclass(frozen=True, eq=False)

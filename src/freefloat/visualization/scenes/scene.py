@@ -25,7 +25,6 @@ from freefloat.visualization.scenes.description import (
     Trail,
     View,
 )
-from freefloat.visualization.scenes.drawn_path import with_drawn_path
 from freefloat.visualization.scenes.overlays import (
     AREAS,
     BASE_AXES,
@@ -43,7 +42,12 @@ from freefloat.visualization.scenes.overlays import (
     draw_trail,
     thickness,
 )
-from freefloat.visualization.scenes.sampled_motion import MAX_KEYS, POINTING, SampledMotion
+from freefloat.visualization.scenes.sampled_motion import (
+    MAX_KEYS,
+    POINTING,
+    SampledMotion,
+    with_drawn_path,
+)
 from freefloat.visualization.scenes.scene_builder import ROOT, PageScene, SceneBuilder, node
 from freefloat.visualization.scenes.visuals import (
     bounding_box,
