@@ -120,7 +120,7 @@ RESULT_KINDS = {
     "plan": ResultKind(
         "planning.plan:Plan",
         "visualization.figures.figures:plan_figures",
-        "visualization.scenes.result_scenes:plan_scene",
+        "visualization.scenes.scene:plan_scene",
         "verification.path_motions:plan_report",
         "studies.record_values:plan_values",
         "cli.plan:plan_tables",
@@ -128,7 +128,7 @@ RESULT_KINDS = {
     "motion": ResultKind(
         "planning.simulation:Simulation",
         "visualization.figures.figures:simulation_figures",
-        "visualization.scenes.result_scenes:simulation_scene",
+        "visualization.scenes.scene:simulation_scene",
         "verification.path_motions:simulation_report",
         "studies.record_values:simulation_values",
         "cli.simulate:simulation_tables",
@@ -178,7 +178,7 @@ RESULT_KINDS = {
 _MOTION = ResultKind(
     "motion.motion:Motion",
     "visualization.figures.figures:drawn_motion_figures",
-    "visualization.scenes.result_scenes:single_motion_scene",
+    "visualization.scenes.scene:single_motion_scene",
 )
 
 

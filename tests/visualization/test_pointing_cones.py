@@ -33,7 +33,7 @@ def test_the_rim_is_at_the_angle_from_the_target_and_the_arrow_is_the_axis(
     limit = LIMITS.pointing[number]
     path = replace(motion.problem.path, drift=[drift, 0.0, 0.0])
     motion = replace(motion, problem=motion.problem.replace(path=path))
-    scene = motion_scene({"good": motion}, pointing=LIMITS.pointing)
+    scene = motion_scene({"good": motion}, limits=LIMITS)
     root = f"/meshcat/good/Pointing limits/pointing.{number}"
     surface, arrow = vertices(scene, f"{root}/cone/surface"), vertices(scene, f"{root}/axis")
     distances = np.linalg.norm(surface, axis=1)

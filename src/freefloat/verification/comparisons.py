@@ -84,6 +84,14 @@ class Check:
     relation: str = "≤"
 
     @property
+    def exceeds(self) -> bool:
+        """Whether the value that was found is beyond what is allowed; a file may state so."""
+        if self.recomputed is None or self.allowed is None or self.relation not in "≤≥":
+            return False
+        found, allowed = self.recomputed, self.allowed
+        return found > allowed if self.relation == "≤" else found < allowed
+
+    @property
     def reason(self) -> str:
         """Name and detail."""
         return f"{self.name}: {self.detail}" if self.detail else self.name

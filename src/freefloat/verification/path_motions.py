@@ -47,13 +47,9 @@ def plan_report(plan: Plan, engine: str, phase: Plan | None = None) -> tuple[Che
         phase: The plan recomputed, of phases that are not searched for.
     """
     chosen, searched = plan.chosen, phase is None
-    known: dict[str, Any] = {"limits": Origin.GIVEN}
-    if phase is not None:
-        names = ("reason", "ranges", "segments", "robust_radius", "radius_effort", "map",
-                 "tolerance", "disagreements", "excluded", "needed_stretch", "stretch_candidate",
-                 "stretch")  # fmt: skip
-        known |= {name: getattr(phase, name) for name in names}
-    else:
+    known: dict[str, Any] = {} if phase is None else dict(vars(phase))
+    known["limits"] = Origin.GIVEN
+    if searched:
         from freefloat.verification.range_checks import known_robustness  # compiled kernels
 
         known |= known_robustness(plan)

@@ -18,8 +18,7 @@ def goal_scene(result: GoalMotion, title: str) -> PageScene:
         accepted = "a goal with a motion"
         raise InputError("result", f"it has no motion: {result.reason}", accepted)
     violations = {result.kind: result.violation}
-    pointing = result.limits.pointing
-    return motion_scene({result.kind: motion}, title, pointing, violations=violations)
+    return motion_scene({result.kind: motion}, title, result.limits, violations=violations)
 
 
 def manoeuvre_scene(manoeuvre: Manoeuvre, title: str) -> PageScene:
@@ -40,6 +39,4 @@ def manoeuvre_scene(manoeuvre: Manoeuvre, title: str) -> PageScene:
             places.append(Place(phase.start, (x, y, z)))
     if not motions:
         raise InputError("manoeuvre", manoeuvre.reason, "a manoeuvre with a motion")
-    result = manoeuvre.path
-    pointing = () if result.limits is None else result.limits.pointing
-    return motion_scene(motions, title, pointing, places, violations)
+    return motion_scene(motions, title, manoeuvre.path.limits, places, violations)

@@ -73,7 +73,7 @@ def motion_within_limits(
 
 def playback_of(motion: Motion, limits: Limits) -> Playback:
     """The playback of a motion with its cones."""
-    return Playback(motion_scene({_TITLE: motion}, pointing=limits.pointing))
+    return Playback(motion_scene({_TITLE: motion}, limits=limits))
 
 
 def motion_answer(

@@ -19,7 +19,7 @@ from freefloat.io.formats.trajectory_tables import csv_text, json_text, write_ma
 from freefloat.kinds import later
 from freefloat.motion.arm_curves import ArmCurve, ArmCurves
 from freefloat.motion.motion import Motion
-from freefloat.planning.answer import Answer, PhaseResult
+from freefloat.planning.answer import Answer
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array
 
@@ -118,16 +118,12 @@ def trajectories(
     motions = _with_resting_arms([phase.motion for phase in phases])
     for number, (phase, motion) in enumerate(zip(phases, motions, strict=True), 1):
         if motion is not None:
-            name = "" if len(phases) == 1 else _suffix(number, phase)
+            name = f"_{number}_{re.sub('[^A-Za-z0-9]+', '_', phase.name)}"  # such as _3_path
             trajectory = Trajectory.sampled(motion, times, rate, header)
             trajectory = trajectory.later(phase.start, phase.centre)
-            sampled[name] = replace(trajectory, feasible=phase.feasible, reason=phase.reason)
+            trajectory = replace(trajectory, feasible=phase.feasible, reason=phase.reason)
+            sampled["" if len(phases) == 1 else name] = trajectory
     return sampled
-
-
-def _suffix(number: int, phase: PhaseResult) -> str:
-    """What the name of a phase's file has added: ``_3_path``."""
-    return f"_{number}_{re.sub('[^A-Za-z0-9]+', '_', phase.name)}"
 
 
 def export(

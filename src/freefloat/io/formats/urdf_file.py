@@ -7,6 +7,7 @@ import os
 import shutil
 from copy import deepcopy
 from dataclasses import dataclass, field, replace
+from itertools import chain, count
 from pathlib import Path
 from typing import Any
 
@@ -158,10 +159,8 @@ def _copy(files: list[Path], folder: Path) -> dict[Path, str]:
         folder.mkdir(exist_ok=True)
         for file in files:
             taken = {name.casefold() for name in names.values()}
-            name = file.name
-            number = 2
-            while name.casefold() in taken:
-                name, number = f"{file.stem}_{number}{file.suffix}", number + 1
+            numbered = (f"{file.stem}_{number}{file.suffix}" for number in count(2))
+            name = next(n for n in chain([file.name], numbered) if n.casefold() not in taken)
             names[file] = name
             for original in (file, *file.parent.glob(f"{file.stem}.mtl")):
                 target = folder / (name if original == file else original.name)

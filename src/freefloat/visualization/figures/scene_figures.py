@@ -69,8 +69,7 @@ _EDGES = np.array([
 """Ends of the edges with numbers over half of the box, where the eye is at positive x, y and z."""
 _SPHERE, _DECIMALS = 400, 9
 """Points on a sphere, and decimals of those of outlines [m]."""
-_JOGGLE = "QJ"
-"""Option of Qhull for flat shapes."""
+_JOGGLE = "QJ"  # of Qhull, for flat shapes
 _ARM: Any = {"linestyle": "-", "linewidth": 1.4, "marker": "o", "markersize": 2.4}
 _BODY: Any = {"facecolor": ORANGE, "edgecolor": ORANGE, "linewidth": 0.8, "alpha": 0.3, "zorder": 1}
 
@@ -151,10 +150,10 @@ def snapshots_figure(motion: Motion, workspace: Workspace | None = None) -> Figu
     bodies = np.array([[robot.spacecraft[0].mean(axis=0), *robot.arm[1:]] for robot in robots])
     parts = [part for robot in robots for part in (*robot.spacecraft, robot.arm, *robot.others)]
     others = [p for time in times for _, p in outline_points(motion, float(time))]
-    eye = view_direction([bodies], [np.mean(other, axis=0) for other in others])
+    eye = view_direction([bodies], [other.mean(axis=0) for other in others])
     _set_equal_scales(views, np.vstack([*parts, *others]), eye)
-    handles, names = views[-1].get_legend_handles_labels()
-    figure.legend(handles, names, loc="outside lower center", ncols=len(handles))
+    drawn = views[-1].get_legend_handles_labels()
+    figure.legend(*drawn, loc="outside lower center", ncols=len(drawn[0]))
     return figure
 
 
@@ -207,13 +206,14 @@ def _draw_in_space(axes: Any, motion: Motion, robot: Outline, time: float) -> No
 
 def _draw_bodies(axes: Any, motion: Motion, times: Array) -> None:
     """Draw the outlines of the bodies in the robot's plane, of moving ones at all times [s]."""
-    drifts, label = motion.problem.path.drifts, {"label": "other bodies"}
+    drifts = motion.problem.path.drifts
+    label: str | None = "other bodies"
     for number, time in enumerate(times.tolist()):
         for body, points in outline_points(motion, time):
             if number == 0 or drifts or body.motion != "fixed":
                 outline = from_above(motion.problem.plane.seen(points))
-                axes.add_patch(Polygon(outline, **_BODY, **label))
-                label = {}
+                axes.add_patch(Polygon(outline, label=label, **_BODY))
+                label = None
 
 
 def from_above(points: Array) -> Array:

@@ -19,13 +19,14 @@ import numpy as np
 
 from freefloat.errors import InputError, require_type
 from freefloat.io.files import written_beside
+from freefloat.kinds import kind_of, named
 from freefloat.motion.motion import Motion
 from freefloat.planning.answer import Answer
 from freefloat.planning.margin_map import MarginMap
 from freefloat.visualization.page.server import open_browser
 from freefloat.visualization.scenes import meshcat
 from freefloat.visualization.scenes.description import Samples
-from freefloat.visualization.scenes.result_scenes import result_scene
+from freefloat.visualization.scenes.scene import motion_scene
 from freefloat.visualization.scenes.scene_builder import ROOT, PageScene
 
 SIDE_BY_SIDE, ALL_PHASES = "side by side", "all phases"
@@ -245,4 +246,9 @@ def playback(
         >>> playback.titles
         ('branch 0 elbow+', 'branch 1 elbow-')
     """
-    return Playback(result_scene(result, title))
+    if not isinstance(result, Mapping):
+        return Playback(named(kind_of(result).scene)(result, title))
+    for name, motion in result.items():
+        accepted = "a Motion for each name, such as simulate(...).chosen.motion"
+        require_type(f"motions.{name}", motion, Motion, accepted)
+    return Playback(motion_scene(result, title))

@@ -45,13 +45,8 @@ _MARK_COLOURS: dict[str, tuple[float, float, float, float]] = {
     "best": (1.0, 0.25, 0.45, 1.0), "robust": (0.75, 0.5, 1.0, 1.0),
     "nearest": (0.3, 0.8, 1.0, 1.0),
 }  # fmt: skip
-_VIEW = View(
-    centre=[0.0, 0.0, 0.0],
-    radius=3.6,
-    points=(3.4 * even_directions(100)).round(4).tolist(),  # with a margin for labels
-    direction=[0.45, -1.0, 0.4],
-    flat=False,
-)
+_SEEN = (3.4 * even_directions(100)).round(4).tolist()  # with a margin for labels
+_VIEW = View([0.0, 0.0, 0.0], 3.6, _SEEN, direction=[0.45, -1.0, 0.4], flat=False)
 _HEADINGS, CIRCLE, BEST = "headings", "Circle", "Best heading"
 _INNERMOST = 0.3
 _FILLED = 0.8

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 import numpy as np
 import numpy.typing as npt
 from meshcat import geometry as g
-from trimesh.creation import icosphere
+from trimesh.creation import icosphere, revolve
 
 from freefloat.motion.motion import Ending, Motion
 from freefloat.motion.problem import Problem
@@ -172,17 +172,13 @@ def arrow(end: Array, radius: float) -> Surface:
 
 
 def surface_of_revolution(ends: Iterable[float], radii: Iterable[float]) -> Surface:
-    """The cone, cylinder or ring about z between two places on it, with two radii [m]."""
-    angles = np.linspace(0.0, 2.0 * np.pi, _AROUND, endpoint=False)
-    circle = np.column_stack([np.cos(angles), np.sin(angles)])
-    rings = [
-        np.column_stack([radius * circle, np.full(_AROUND, end)])
-        for end, radius in zip(ends, radii, strict=True)
-    ]
-    k = np.arange(_AROUND)
-    following = (k + 1) % _AROUND
-    low, high = [k, following, k + _AROUND], [following, following + _AROUND, k + _AROUND]
-    return np.vstack(rings), np.hstack([low, high]).T
+    """The cone, cylinder or ring about z between two places on it, with two radii [m].
+
+    Its vertices are at the first and the second end in turn.
+    """
+    profile = np.column_stack([[*radii], [*ends]])
+    surface = revolve(profile, sections=_AROUND, process=False)
+    return np.asarray(surface.vertices), np.asarray(surface.faces)
 
 
 def _directions(points: Array) -> Array:

@@ -17,7 +17,7 @@ from freefloat.paths.timed_path import TimedPath
 from freefloat.regions.workspace import Workspace
 from freefloat.rotations import Rotation
 from freefloat.scene.tumbling import Tumbling
-from freefloat.so3 import Array
+from freefloat.so3 import Array, IntArray
 from freefloat.visualization.scenes.description import Label
 from freefloat.visualization.scenes.overlays import (
     Surface,
@@ -142,6 +142,11 @@ class SampledMotion:
             motion, visuals, areas, pointing, *samples, Surroundings.of(motion, times, parameters)
         )
 
+    def carried(self, body: int, points: Array, instants: slice | IntArray = slice(None)) -> Array:
+        """Points (P, 3) of a body along the motion, frame of the path [m], shape (K P, 3)."""
+        rotations = self.rotations[instants, body].swapaxes(1, 2)
+        return (self.positions[instants, body, None] + points @ rotations).reshape(-1, 3)
+
     @cached_property
     def cones(self) -> tuple[PointingCone, ...]:
         """Cones of the limits of pointing."""
@@ -208,7 +213,7 @@ class PointingCone:
     @property
     def _rim(self) -> Array:
         """Points of the rim of that surface [m], shape (K, 3)."""
-        return np.split(self._surface[0], 2)[1]
+        return self._surface[0][1::2]
 
     def draw(self, builder: SceneBuilder, root: str, radius: float) -> Label:
         """Draw it below a node, with lines of a radius [m]; return the label of the arrow."""

@@ -1,4 +1,4 @@
-"""Scenes of motions: the robots, their paths and trails, the animation and the first view."""
+"""Scenes of motions, plans and simulations: robots, paths, trails, animation, first view."""
 
 from __future__ import annotations
 
@@ -13,8 +13,10 @@ from meshcat import geometry as g
 from freefloat.errors import InputError
 from freefloat.limits.contact import deepest_contact
 from freefloat.motion.motion import Motion
-from freefloat.motion.pointing import PointingLimit
+from freefloat.motion.pointing import AttitudeLimits
 from freefloat.motion.singularity import singular_event
+from freefloat.planning.plan import Plan
+from freefloat.planning.simulation import Simulation
 from freefloat.regions.workspace import exact_workspace
 from freefloat.rotations import Rotation
 from freefloat.so3 import Array
@@ -79,10 +81,33 @@ _INSTANTS = 25
 """Instants of a motion that the view covers."""
 
 
+def single_motion_scene(motion: Motion, title: str) -> PageScene:
+    """The scene of a motion."""
+    return motion_scene({"motion": motion}, title)
+
+
+def simulation_scene(simulation: Simulation, title: str) -> PageScene:
+    """The scene of all arm branches, the chosen one first."""
+    chosen = simulation.chosen
+    branches = sorted(simulation.branches, key=lambda branch: branch is not chosen)
+    motions = {branch.title: branch.motion for branch in branches}
+    violations = {chosen.title: simulation.violation}
+    return motion_scene(motions, title, simulation.limits, violations=violations)
+
+
+def plan_scene(plan: Plan, title: str) -> PageScene:
+    """The scene of the chosen motion of a plan; an InputError without one."""
+    if plan.chosen is None:
+        raise InputError("plan", f"it has no motion: {plan.reason}", "a plan with a motion")
+    name = plan.chosen.title
+    violations = {name: "" if plan.feasible else plan.violation or "infeasible"}
+    return motion_scene({name: plan.chosen.motion}, title, plan.limits, violations=violations)
+
+
 def motion_scene(
     motions: Mapping[str, Motion],
     title: str = "freefloat",
-    pointing: Sequence[PointingLimit] = (),
+    limits: AttitudeLimits | None = None,
     places: Sequence[Place] = (),
     violations: Mapping[str, str] | None = None,
 ) -> PageScene:
@@ -91,7 +116,7 @@ def motion_scene(
     Args:
         motions: Motions by name.
         title: Title of the page.
-        pointing: Limits of pointing that are drawn with each motion.
+        limits: Limits of which those of pointing are drawn with each motion.
         places: When and where each motion begins, if they follow one another.
         violations: What motions violate, by their names.
 
@@ -106,10 +131,11 @@ def motion_scene(
         _require_same_margin(motions)
     visuals_of = cache(robot_visuals)
     areas_of = cache(exact_workspace)
-    axes, limit = tuple(pointing), MAX_KEYS // len(nodes)
+    pointing = () if limits is None else limits.pointing
+    limit = MAX_KEYS // len(nodes)
     samples = [
         SampledMotion.of(
-            motion, visuals_of(motion.problem.model), areas_of(motion.problem), axes, limit
+            motion, visuals_of(motion.problem.model), areas_of(motion.problem), pointing, limit
         )
         for motion in map(with_drawn_path, motions.values())
     ]
@@ -120,15 +146,9 @@ def motion_scene(
     planar = problem.task.planar
     scale = MarginColours.over(problem.margin, [sampled.values for sampled in samples])
     builder = SceneBuilder()
+    broken = violations or {}
     scenes = tuple(
-        _draw(
-            builder,
-            name,
-            sampled,
-            replace(scale, margin=sampled.motion.problem.margin),
-            place,
-            (violations or {}).get(name, ""),
-        )
+        _draw(builder, name, sampled, scale, place, broken.get(name, ""))
         for name, sampled, place in zip(motions, samples, places, strict=True)
     )
     others = dict.fromkeys(item for sampled in samples for item in sampled.surroundings.items)
@@ -164,7 +184,7 @@ def _draw(
     builder: SceneBuilder,
     title: str,
     sampled: SampledMotion,
-    colours: MarginColours,
+    scale: MarginColours,
     place: Place,
     violation: str,
 ) -> TitledScene:
@@ -173,9 +193,8 @@ def _draw(
     builder.start = place.start
     problem = motion.problem
     root = f"{ROOT}/{node(title)}"
-    times = sampled.times
-    areas = sampled.areas
-    size = thickness(problem)
+    times, areas, size = sampled.times, sampled.areas, thickness(problem)
+    colours = replace(scale, margin=problem.margin)
     positions = sampled.positions.swapaxes(0, 1)
     quaternions = [
         Rotation.from_matrix(sampled.rotations[:, body]).as_quat() for body in range(len(positions))
@@ -199,7 +218,8 @@ def _draw(
     for path, body in moved.items():
         builder.move(path, times, positions[body], quaternions[body])
     if problem.model.on_table:
-        draw_table(builder, root, _swept_corners(sampled, body=0))
+        boxes = [bounding_box(shape) for shape in sampled.visuals.shapes if shape.body == 0]
+        draw_table(builder, root, sampled.carried(0, np.vstack(boxes)))
     if areas is not None:
         draw_areas(builder, root, problem, areas)
         path = f"{root}/{AREAS}/{areas.point}"
@@ -214,7 +234,7 @@ def _draw(
         6 * SIDES,
         list(zip(model.joint_names, model.prismatic.tolist(), joints, strict=True)),
     )
-    contact = deepest_contact(motion)
+    contact, event = deepest_contact(motion), singular_event(motion)
     return TitledScene(
         title,
         node(title),
@@ -224,24 +244,10 @@ def _draw(
         origin=np.asarray(place.origin).round(6).tolist(),
         margin=problem.margin.threshold,
         ending=motion.ending.name.lower(),
-        verdict=_verdict(motion),
+        verdict=motion.outcome if event is None else f"{motion.outcome} Kind: {event.kind}.",
         trail=trail,
         lines=tuple(filter(None, (violation, "" if contact is None else f"warning: {contact}"))),
     )
-
-
-def _swept_corners(sampled: SampledMotion, body: int) -> Array:
-    """Corners of a body along a motion, frame of the path [m], shape (K, 3)."""
-    shapes = [shape for shape in sampled.visuals.shapes if shape.body == body]
-    corners = np.vstack([bounding_box(shape) for shape in shapes])
-    positions, rotations = sampled.positions[:, body, None], sampled.rotations[:, body]
-    return (positions + corners @ rotations.swapaxes(1, 2)).reshape(-1, 3)
-
-
-def _verdict(motion: Motion) -> str:
-    """How a motion ended, with the kind of a singularity."""
-    event = singular_event(motion)
-    return motion.outcome if event is None else f"{motion.outcome} Kind: {event.kind}."
 
 
 def _view(samples: Sequence[SampledMotion], places: Sequence[Place], planar: bool) -> View:
@@ -278,17 +284,12 @@ def _extent(sampled: SampledMotion) -> list[Array]:
     """
     problem = sampled.motion.problem
     chosen = np.unique(np.linspace(0, len(sampled.times) - 1, _INSTANTS).astype(int))
-    positions, rotations = sampled.positions[chosen], sampled.rotations[chosen]
-    length = np.linalg.norm(np.diff(positions[0], axis=0), axis=1).sum()
-    parts = []
+    length = np.linalg.norm(np.diff(sampled.positions[0], axis=0), axis=1).sum()
+    parts = [*sampled.surroundings.extent(), *(cone.extent() for cone in sampled.cones)]
     for shape in sampled.visuals.shapes:
         corners = bounding_box(shape)
-        near, k = corners[np.linalg.norm(corners, axis=1) <= length], shape.body
-        parts.append(positions[:, k, None] + near @ rotations[:, k].swapaxes(1, 2))
-    framed = [0, *range(len(problem.model.bodies), positions.shape[1])]
-    axes = _AXIS * thickness(problem) * rotations[:, framed].swapaxes(2, 3)
-    return [
-        *(part.reshape(-1, 3) for part in (*parts, positions[:, framed, None] + axes)),
-        *sampled.surroundings.extent(),
-        *(cone.extent() for cone in sampled.cones),
-    ]
+        near = corners[np.linalg.norm(corners, axis=1) <= length]
+        parts.append(sampled.carried(shape.body, near, chosen))
+    axes = _AXIS * thickness(problem) * np.eye(3)
+    framed = (0, *range(len(problem.model.bodies), sampled.positions.shape[1]))
+    return [*parts, *(sampled.carried(body, axes, chosen) for body in framed)]

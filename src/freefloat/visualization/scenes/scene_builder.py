@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import umsgpack
+from matplotlib.colors import to_hex
 from meshcat import geometry as g
 from meshcat.commands import SetObject, SetProperty, SetTransform
 from meshcat.path import Path
@@ -126,10 +127,9 @@ class SceneBuilder:
         if isinstance(geometry, tuple):
             geometry = g.TriangularMeshGeometry(*geometry)
         *rgb, opacity = colour
-        red, green, blue = (round(255.0 * float(value)) for value in rgb)
         kind = g.MeshLambertMaterial if shaded else g.MeshBasicMaterial
         material = kind(
-            color=(red << 16) + (green << 8) + blue, opacity=float(opacity),
+            color=int(to_hex(rgb)[1:], 16), opacity=float(opacity),
             depthWrite=opacity == 1.0, depthTest=not overlay, reflectivity=0.0, side=side,
         )  # fmt: skip
         material.transparent = overlay or opacity < 1.0  # drawn last

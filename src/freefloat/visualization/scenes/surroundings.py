@@ -107,8 +107,7 @@ class Surroundings:
             path = f"{root}/{BODIES}/{node(body.name)}"
             for visual in self.visuals[number].shapes:
                 builder.visual(f"{path}/{visual.name}", visual)
-            fixed = body.motion == "fixed" and not self.problem.path.drifts
-            _move(builder, path, self.times, [row[number] for row in self.poses], fixed=fixed)
+            _move(builder, path, self.times, [row[number] for row in self.poses])
             if body.motion != "target" and not self.problem.path.drifts:  # labels do not move
                 com = body.motion.com if isinstance(body.motion, Tumbling) else np.zeros(3)
                 place = body.position + body.orientation @ com
@@ -117,11 +116,7 @@ class Surroundings:
         if corridor is not None:
             surface = _corridor_surface(corridor, self._path_in_corridor())
             builder.mesh(path, surface, _CORRIDOR, shaded=False)
-            motions = {body.name: body.motion for body in self.problem.scene.bodies}
-            drifts = self.problem.path.drifts
-            if corridor.body is not None or drifts:
-                fixed = motions.get(str(corridor.body)) == "fixed" and not drifts
-                _move(builder, path, self.times, self.corridor, fixed=fixed)
+            _move(builder, path, self.times, self.corridor)
         return labels
 
     def _path_in_corridor(self) -> Array:
@@ -148,13 +143,11 @@ def _corridor_surface(corridor: Corridor, path: Array) -> Surface:
     return corridor.point + vertices @ frame_along(corridor.axis).T, faces
 
 
-def _move(
-    builder: SceneBuilder, path: str, times: Array, poses: Sequence[Pose], *, fixed: bool
-) -> None:
-    """Place a path at a fixed frame, or move it with another."""
-    if fixed:
-        builder.place(path, poses[0])
-        return
+def _move(builder: SceneBuilder, path: str, times: Array, poses: Sequence[Pose]) -> None:
+    """Place a path at a frame that rests, or move it with another."""
     positions = np.array([pose.position for pose in poses])
-    rotations = Rotation.from_matrix([pose.rotation for pose in poses])
-    builder.move(path, times, positions, rotations.as_quat())
+    rotations = np.array([pose.rotation for pose in poses])
+    if np.ptp(positions, axis=0).any() or np.ptp(rotations, axis=0).any():
+        builder.move(path, times, positions, Rotation.from_matrix(rotations).as_quat())
+    else:
+        builder.place(path, poses[0])
