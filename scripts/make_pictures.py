@@ -28,8 +28,7 @@ from freefloat.visualization.figure_style import PAGE, new_figure, save_figures,
 from freefloat.visualization.figures.motion_figures import motion_figures
 from freefloat.visualization.figures.planar_figures import joint_space_figure
 from freefloat.visualization.figures.scene_figures import draw_snapshots
-from freefloat.visualization.page.pictures import find_browser, take_pictures
-from freefloat.visualization.page.video import write_gif
+from freefloat.visualization.page.pictures import find_browser, take_pictures, write_gif
 
 DOTS = 120
 """Dots per inch."""

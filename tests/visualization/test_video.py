@@ -15,7 +15,7 @@ import pytest
 from PIL import Image, ImageSequence
 
 import freefloat as ff
-from freefloat.visualization.page.video import frame_times, write_gif, write_mp4
+from freefloat.visualization.page.pictures import frame_times, write_gif, write_mp4
 from tests.errors import error_key
 
 COUNT, WIDTH, HEIGHT = 12, 61, 40

@@ -48,10 +48,9 @@ def check(
     from freefloat.io.hdf5 import AlteredFileError
     from freefloat.io.records.results import GIVEN, UNVERIFIED, load
     from freefloat.io.scenario.yaml import error_context
-    from freefloat.verification.check import CheckReport
+    from freefloat.verification.check import PINOCCHIO, CheckReport, other_engine
     from freefloat.verification.check import check as verify
     from freefloat.verification.comparisons import Check
-    from freefloat.verification.engine import PINOCCHIO, other_engine
 
     other_engine(engine or PINOCCHIO)
     console = Console(as_json, quiet)

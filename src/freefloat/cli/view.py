@@ -27,8 +27,8 @@ from freefloat.io.files import make_folder
 if TYPE_CHECKING:
     from freefloat.concurrency import Progress
     from freefloat.motion.motion import Motion
+    from freefloat.visualization.page.pictures import FrameTimes
     from freefloat.visualization.page.playback import Playback
-    from freefloat.visualization.page.video import FrameTimes
 
 _Files = Annotated[
     list[Path],
@@ -155,8 +155,7 @@ def view(
 
     Example: freefloat view plan.h5 --plots figures
     """
-    from freefloat.visualization.page.pictures import save_picture, save_snapshots
-    from freefloat.visualization.page.video import save_video
+    from freefloat.visualization.page.pictures import save_picture, save_snapshots, save_video
 
     picture = None
     if output is not None and snapshots is None:

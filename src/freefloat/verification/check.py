@@ -2,18 +2,58 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field, replace
-from typing import Any
+from typing import Any, Protocol
 
 from freefloat.certificate.certificate import Certificate
-from freefloat.kinds import kind_of, named
+from freefloat.errors import InputError, require_extra
+from freefloat.kinds import ENGINES, kind_of, named
 from freefloat.limits.result import LimitResult
+from freefloat.motion.motion import Motion
 from freefloat.planning.answer import Answer
 from freefloat.planning.margin_map import MarginMap
 from freefloat.records import Known
 from freefloat.verification.comparisons import Check
-from freefloat.verification.engine import PINOCCHIO, EngineRuns, other_engine
 from freefloat.verification.leaves import compare
+
+PINOCCHIO = "pinocchio"
+"""Name of freefloat's own dynamics."""
+
+
+@dataclass(frozen=True)
+class EngineRuns:
+    """What another engine computed along a motion along a path.
+
+    Attributes:
+        inverse: Record of its inverse dynamics; None without another engine.
+        forward: Record of its own integration; None without another engine.
+        checks: Comparisons of both with the motion.
+    """
+
+    inverse: Any = None
+    forward: Any = None
+    checks: tuple[Check, ...] = ()
+
+
+class Engine(Protocol):
+    """Another engine that repeats motions."""
+
+    def repeated(self, motion: Motion) -> EngineRuns:
+        """Inverse dynamics of a motion along a path, and its integration.
+
+        Raises:
+            InputError: If the engine has no model of the robot.
+        """
+
+    def simulated(self, motion: Motion, steps: int, allowed: float) -> Iterator[Check]:
+        """Integrate a motion of prescribed joints; check its final attitude.
+
+        Args:
+            motion: The recorded motion.
+            steps: Number of steps.
+            allowed: Deviation of the final attitude [rad].
+        """
 
 
 @dataclass(frozen=True, repr=False)
@@ -79,6 +119,21 @@ class CheckReport:
             "limits": [result.to_dict() for result in self.limits],
             "engine": engine,
         }
+
+
+def other_engine(name: str) -> Engine | None:
+    """The engine of a name; None for freefloat's own dynamics.
+
+    Raises:
+        InputError: If the engine is unknown or not installed.
+    """
+    if name == PINOCCHIO:
+        return None
+    if name not in ENGINES:
+        raise InputError("engine", f"{name!r} was given", ", ".join([PINOCCHIO, *ENGINES]))
+    require_extra(name, name)
+    engine: Engine = named(ENGINES[name])()
+    return engine
 
 
 def check(result: Answer | MarginMap | Any, engine: str = PINOCCHIO) -> CheckReport:

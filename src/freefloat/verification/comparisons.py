@@ -240,7 +240,7 @@ def _singular_end(motion: Motion) -> Check:
     """Check that a motion that is stated to end in a singularity does so."""
     problem = motion.problem
     sigma = singularity_measure(problem.model, problem.task, "sigma")
-    values = np.array([sigma(joints) for joints in motion.joints])
+    values = sigma(motion.joints)
     fraction = float(values[-1] / values.max()) if values.max() else 0.0
     return error_check(
         "singular end", fraction, _VANISHED, "of the largest", motion.final.time,

@@ -19,8 +19,7 @@ from freefloat.planning.space.attitude_map import AttitudeMap
 from freefloat.planning.space.mapping import attitude_map
 from freefloat.records import Known, Origin
 from freefloat.so3 import angle_between, frozen
-from freefloat.verification.check import CheckReport
-from freefloat.verification.engine import PINOCCHIO
+from freefloat.verification.check import PINOCCHIO, CheckReport
 
 _BEST = 1e-4
 """Relative difference of margins that are equally large."""

@@ -18,7 +18,7 @@ from freefloat.planning.plan import Plan
 from freefloat.planning.reasons import Verdict, verdict_on
 from freefloat.planning.simulation import Simulation
 from freefloat.records import Known, Origin
-from freefloat.verification.check import CheckReport
+from freefloat.verification.check import CheckReport, EngineRuns, other_engine
 from freefloat.verification.comparisons import (
     Check,
     arms_check,
@@ -28,7 +28,6 @@ from freefloat.verification.comparisons import (
     span_check,
     start_check,
 )
-from freefloat.verification.engine import EngineRuns, other_engine
 from freefloat.verification.motions import (
     bound_checks,
     known_branch,

@@ -12,8 +12,8 @@ from freefloat.beyond.engines.mujoco import InverseRun
 from freefloat.beyond.engines.mujoco_model import MuJoCoModel
 from freefloat.dynamics.momentum import inertia_matrices
 from freefloat.motion.motion import Motion
+from freefloat.verification.check import EngineRuns
 from freefloat.verification.comparisons import Check, error_check, path_tolerances
-from freefloat.verification.engine import EngineRuns
 
 _WRENCH = 1e-4
 """Allowed wrench on the base as a fraction of the largest torque."""
@@ -32,7 +32,7 @@ class MuJoCo:
     """MuJoCo as the engine that repeats motions."""
 
     def repeated(self, motion: Motion) -> EngineRuns:
-        """See :class:`~freefloat.verification.engine.Engine`."""
+        """See :class:`~freefloat.verification.check.Engine`."""
         reference, robot = Reference.of(motion), MuJoCoModel(motion.problem.system)
         inverse = mujoco.inverse_run(motion, robot)
         end = mujoco.final_state(motion, robot, reference)
@@ -41,7 +41,7 @@ class MuJoCo:
         return EngineRuns(inverse, forward, checks)
 
     def simulated(self, motion: Motion, steps: int, allowed: float) -> Iterator[Check]:
-        """See :class:`~freefloat.verification.engine.Engine`.
+        """See :class:`~freefloat.verification.check.Engine`.
 
         A deviation that is too large is computed with more steps: errors of the servos become
         smaller then, errors of the motion do not.

@@ -14,9 +14,8 @@ from freefloat.records import Known, Origin, Tree
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.singularities.singularity_polynomial import SingularityPolynomial, determinants
 from freefloat.so3 import Array
-from freefloat.verification.check import CheckReport
+from freefloat.verification.check import PINOCCHIO, CheckReport
 from freefloat.verification.comparisons import Check
-from freefloat.verification.engine import PINOCCHIO
 from freefloat.verification.leaves import CODEC
 
 _CONFIGURATIONS, _BOXES = 4096, 512

@@ -17,9 +17,8 @@ from freefloat.motion.motion import Ending, Motion
 from freefloat.motion.problem import Problem
 from freefloat.records import Known, Origin
 from freefloat.so3 import Array, angle_between
-from freefloat.verification.check import CheckReport
+from freefloat.verification.check import CheckReport, other_engine
 from freefloat.verification.comparisons import Check, completed, error_check, span_check
-from freefloat.verification.engine import other_engine
 from freefloat.verification.motions import MOTION, limit_checks, same_results
 
 _COMPLETED = MOTION._replace(values={**MOTION.values, "ending": Ending.COMPLETED})

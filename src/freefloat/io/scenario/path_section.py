@@ -203,8 +203,7 @@ def _csv_text(curve: SplineCurve, law: OrientationLaw) -> str:
     columns = [curve.knots[:, None], curve.points]
     names = ["s", "x", "y", "z"]
     if isinstance(law, OrientationSpline):
-        attitudes = [law.rotation(float(s)) for s in curve.knots]
-        columns.append(Rotation.from_matrix(np.array(attitudes)).as_quat())
+        columns.append(Rotation.from_matrix(law.rotation(curve.knots)).as_quat())
         names += ["qx", "qy", "qz", "qw"]
     stream = io.StringIO(newline="")
     csv.writer(stream, lineterminator="\n").writerows([names, *np.hstack(columns).tolist()])

@@ -260,9 +260,7 @@ def touch_points_figure(result: AttitudeMap) -> Figure:
         branches = {branch.index: branch for branch in problem.branches(point.attitude)}
         motion = integrate_motion(problem, point.attitude, branches[point.branch or 0].joints)
         times, _, joints = motion.evaluate(np.linspace(0.0, motion.panels, _CURVE_POINTS))
-        axes.plot(
-            times, [measure(q) for q in joints], color=colour, linestyle=dashes, linewidth=1.0
-        )
+        axes.plot(times, measure(joints), color=colour, linestyle=dashes, linewidth=1.0)
         closest = closest_approach(motion, measure)
         place = np.array([closest.time, closest.sign * closest.value])
         marker, name = _INSIDE if point.kind in (None, TouchKind.TANGENT) else _AT_END

@@ -239,9 +239,8 @@ def angles_figure(motion: Motion, limits: AttitudeLimits) -> Figure:
     figure = new_figure(COLUMN, _AXIS + _STRIP * limits.number)
     panels = figure.subplots(limits.number, 1, sharex=True, squeeze=False)[:, 0]
     times = shown_times(motion)
-    for axes, (name, side, allowed, angles) in zip(
-        panels, limited_angles(motion, limits), strict=True
-    ):
+    curves = limited_angles(motion, limits)
+    for axes, (name, side, allowed, angles) in zip(panels, curves, strict=True):
         axes.plot(times, np.degrees(angles), color=BLUE, label=name)
         bound = np.degrees(allowed)
         axes.axhline(bound, label=f"{side} {digits(bound)}°", **MARGIN_LINE)
@@ -261,13 +260,10 @@ def limited_angles(
 ) -> Iterator[tuple[str, str, float, Array]]:
     """Yield name, allowed side, allowed angle and angles at the shown times [rad] of each limit."""
     problem = motion.problem
-    states = motion.evaluate(motion.coordinates_at(shown_times(motion)))
+    times, attitudes, joints = motion.evaluate(motion.coordinates_at(shown_times(motion)))
     for number, limit in enumerate(limits.pointing):
-        angles = [
-            angle_of(*limit.vectors(problem.model, attitude, joints, problem.path.origin(t)))
-            for t, attitude, joints in zip(*states, strict=True)
-        ]
-        yield limit.title(number), limit.keep, limit.angle, np.array(angles)
+        vectors = limit.vectors(problem.model, attitudes, joints, problem.path.origin(times))
+        yield limit.title(number), limit.keep, limit.angle, angle_of(*vectors)
     if limits.base_turn is not None:
-        turns = angle_between(states[1], motion.initial.attitude)
+        turns = angle_between(attitudes, motion.initial.attitude)
         yield "turn of the spacecraft", "at most", limits.base_turn, turns

@@ -112,8 +112,8 @@ def _draw_distances(axes: Any, problem: Problem, workspace: Workspace) -> None:
 
 def _sampled_path(path: TimedPath, offset: Array = _TIP) -> Array:
     """Positions of a point of the end-effector along a path [m], shape (K, 3)."""
-    poses = [path.pose_at(value) for value in _S.tolist()]
-    return np.array([pose.position + pose.rotation @ offset for pose in poses])
+    poses = path.pose_at(_S)
+    return poses.position + poses.rotation @ offset
 
 
 def _labelled_areas(workspace: Workspace) -> Iterator[tuple[str | None, Interval, str]]:

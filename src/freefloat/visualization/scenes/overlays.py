@@ -48,7 +48,7 @@ def draw_path(builder: SceneBuilder, root: str, problem: Problem) -> list[Label]
     """Draw paths as thin tubes; return the labels of their ends."""
     labels = []
     for name, path in zip(("", *problem.path.arms), problem.path.every, strict=True):
-        points = np.array([path.pose_at(float(s)).position for s in np.linspace(0.0, 1.0, 201)])
+        points = path.pose_at(np.linspace(0.0, 1.0, 201)).position
         if not np.ptp(points, axis=0).any():
             labels.append(Label(f"{name} path".strip(), points[0].tolist(), PATH))
             continue

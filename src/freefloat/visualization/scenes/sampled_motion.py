@@ -76,13 +76,11 @@ def with_drawn_path(motion: Motion) -> Motion:
     """
     if motion.curve is None:
         return motion
-    problem, states = motion.problem, zip(motion.attitudes, motion.joints, strict=True)
-    poses = [problem.model.end_effector_pose(*state) for state in states]
+    problem = motion.problem
+    poses = problem.model.end_effector_pose(motion.attitudes, motion.joints)
     timing, drift = problem.path.timing, problem.path.drift
-    points = np.array([pose.position for pose in poses]) + np.outer(motion.times, drift)
-    rotations = Rotation.from_matrix([pose.rotation for pose in poses])
-    s = np.array([timing.s(float(t)) for t in motion.times])
-    path = EndEffectorPath(SplineCurve(points, s), OrientationSpline(rotations.as_quat(), s))
+    points, s = poses.position + np.outer(motion.times, drift), timing.s(motion.times)
+    path = EndEffectorPath(SplineCurve(points, s), OrientationSpline(poses.quaternion, s))
     if not path.moves:
         return motion
     return replace(motion, problem=replace(problem, path=TimedPath(path, timing, drift)))
@@ -134,8 +132,7 @@ class SampledMotion:
         # Exact end points: a singular motion has no state after its end.
         parameters[[0, -1]] = motion.coordinates_at([motion.times.min(), motion.times.max()])
         joints = motion.evaluate(parameters)[2]
-        values = np.abs([problem.margin.measure(q) for q in joints])
-        fractions = np.array([problem.path.timing.s(float(t)) for t in times])
+        values, fractions = abs(problem.margin.measure(joints)), problem.path.timing.s(times)
         poses = body_poses(motion, parameters)
         samples = (times, *poses, joints, values, fractions)
         return cls(
@@ -185,7 +182,7 @@ class PointingCone:
         if limit.point is None:
             sights = np.tile(np.asarray(limit.direction), (len(times), 1))
         else:
-            sights = limit.point + [problem.path.origin(float(t)) for t in times] - origins
+            sights = limit.point + problem.path.origin(times) - origins
         targets = sights / np.linalg.norm(sights, axis=1, keepdims=True)
         corners = largest_box(sampled.visuals, body) - place.position
         farthest = float(np.linalg.norm(corners, axis=1).max())

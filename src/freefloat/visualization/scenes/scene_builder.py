@@ -126,10 +126,10 @@ class SceneBuilder:
         """
         if isinstance(geometry, tuple):
             geometry = g.TriangularMeshGeometry(*geometry)
-        *rgb, opacity = colour
+        red, green, blue, opacity = colour
         kind = g.MeshLambertMaterial if shaded else g.MeshBasicMaterial
         material = kind(
-            color=int(to_hex(rgb)[1:], 16), opacity=float(opacity),
+            color=int(to_hex((red, green, blue))[1:], 16), opacity=float(opacity),
             depthWrite=opacity == 1.0, depthTest=not overlay, reflectivity=0.0, side=side,
         )  # fmt: skip
         material.transparent = overlay or opacity < 1.0  # drawn last

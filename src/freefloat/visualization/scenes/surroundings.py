@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
 from freefloat.motion.scene_poses import corridor_pose, scene_poses
-from freefloat.rotations import Rotation
 from freefloat.scene.scene import Corridor
 from freefloat.scene.scene_body import SceneBody
 from freefloat.scene.tumbling import Tumbling
@@ -55,25 +55,23 @@ class Surroundings:
         problem: The problem.
         times: The key times [s], shape (K,).
         poses: Frames of the bodies at these times.
-        corridor: Frames of the corridor at these times; empty without one.
+        corridor: Frames of the corridor at these times; None without one.
         visuals: Their shapes.
     """
 
     problem: Problem
     times: Array
-    poses: tuple[tuple[Pose, ...], ...]
-    corridor: tuple[Pose, ...]
+    poses: tuple[Pose, ...]
+    corridor: Pose | None
     visuals: tuple[Visuals, ...]
 
     @classmethod
     def of(cls, motion: Motion, times: Array, places: Array) -> Surroundings:
         """The surroundings of a motion at some times [s], whose panel coordinates are given."""
-        problem, scene = motion.problem, motion.problem.scene
-        states = list(zip(times.tolist(), *motion.evaluate(places)[1:], strict=True))
-        poses = tuple(scene_poses(motion, *state) for state in states)
-        corridor = [corridor_pose(motion, *state) for state in states if scene.corridor is not None]
+        scene, states = motion.problem.scene, (times, *motion.evaluate(places)[1:])
+        corridor = None if scene.corridor is None else corridor_pose(motion, *states)
         visuals = tuple(body_visuals(k, body) for k, body in enumerate(scene.bodies))
-        return cls(problem, times, poses, tuple(corridor), visuals)
+        return cls(motion.problem, times, scene_poses(motion, *states), corridor, visuals)
 
     @property
     def items(self) -> tuple[str, ...]:
@@ -88,17 +86,16 @@ class Surroundings:
 
     def extent(self) -> Iterator[Array]:
         """Yield corners of boxes around the shapes at the first and the last time [m], (8, 3)."""
-        for poses in (self.poses[0], self.poses[-1]):
-            for pose, visuals in zip(poses, self.visuals, strict=True):
-                for visual in visuals.shapes:
-                    yield pose.position + bounding_box(visual) @ pose.rotation.T
+        for poses, visuals in zip(self.poses, self.visuals, strict=True):
+            for pose, visual in product((poses[0], poses[-1]), visuals.shapes):
+                yield pose.position + bounding_box(visual) @ pose.rotation.T
 
     def places(self) -> Iterator[Array]:
         """Yield the centre of each body at the first time [m], shape (3,)."""
-        for pose, visuals in zip(self.poses[0], self.visuals, strict=True):
+        for poses, visuals in zip(self.poses, self.visuals, strict=True):
             if visuals.shapes:
                 corners = np.vstack([bounding_box(visual) for visual in visuals.shapes])
-                yield pose.position + pose.rotation @ corners.mean(axis=0)
+                yield poses[0].position + poses[0].rotation @ corners.mean(axis=0)
 
     def draw(self, builder: SceneBuilder, root: str) -> list[Label]:
         """Draw the bodies and the corridor below a node; return the labels of the bodies."""
@@ -107,13 +104,13 @@ class Surroundings:
             path = f"{root}/{BODIES}/{node(body.name)}"
             for visual in self.visuals[number].shapes:
                 builder.visual(f"{path}/{visual.name}", visual)
-            _move(builder, path, self.times, [row[number] for row in self.poses])
+            _move(builder, path, self.times, self.poses[number])
             if body.motion != "target" and not self.problem.path.drifts:  # labels do not move
                 com = body.motion.com if isinstance(body.motion, Tumbling) else np.zeros(3)
                 place = body.position + body.orientation @ com
                 labels.append(Label(body.name, place.tolist(), BODIES))
         corridor, path = self.problem.scene.corridor, f"{root}/{CORRIDOR}"
-        if corridor is not None:
+        if corridor is not None and self.corridor is not None:
             surface = _corridor_surface(corridor, self._path_in_corridor())
             builder.mesh(path, surface, _CORRIDOR, shaded=False)
             _move(builder, path, self.times, self.corridor)
@@ -121,10 +118,9 @@ class Surroundings:
 
     def _path_in_corridor(self) -> Array:
         """Points of the path in the corridor's frame [m], shape (K, 3)."""
-        scene, path = self.problem.scene, self.problem.path
-        times = np.linspace(0.0, path.duration, 101).tolist()
-        poses = (scene.corridor_pose(t, path).inverse() @ path.pose(t) for t in times)
-        return np.array([pose.position for pose in poses])
+        path, times = self.problem.path, np.linspace(0.0, self.problem.path.duration, 101)
+        frames = self.problem.scene.corridor_pose(times, path)
+        return (frames.inverse() @ path.pose(times)).position
 
 
 def _corridor_surface(corridor: Corridor, path: Array) -> Surface:
@@ -143,11 +139,9 @@ def _corridor_surface(corridor: Corridor, path: Array) -> Surface:
     return corridor.point + vertices @ frame_along(corridor.axis).T, faces
 
 
-def _move(builder: SceneBuilder, path: str, times: Array, poses: Sequence[Pose]) -> None:
+def _move(builder: SceneBuilder, path: str, times: Array, poses: Pose) -> None:
     """Place a path at a frame that rests, or move it with another."""
-    positions = np.array([pose.position for pose in poses])
-    rotations = np.array([pose.rotation for pose in poses])
-    if np.ptp(positions, axis=0).any() or np.ptp(rotations, axis=0).any():
-        builder.move(path, times, positions, Rotation.from_matrix(rotations).as_quat())
+    if np.ptp(poses.position, axis=0).any() or np.ptp(poses.rotation, axis=0).any():
+        builder.move(path, times, poses.position, poses.quaternion)
     else:
         builder.place(path, poses[0])

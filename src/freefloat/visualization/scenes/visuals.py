@@ -66,11 +66,11 @@ def body_poses(motion: Motion, parameters: Array) -> tuple[Array, Array]:
     """
     model = motion.problem.model
     _, attitudes, joints = motion.evaluate(parameters)
-    poses = [model.body_poses(a, q) for a, q in zip(attitudes, joints, strict=True)]
-    tips = [model.link_places[link] for link in tip_links(model)]
-    poses = [(*row, *(row[body] @ place for body, place in tips)) for row in poses]
-    positions = np.array([[pose.position for pose in row] for row in poses])
-    return positions, np.array([[pose.rotation for pose in row] for row in poses])
+    bodies = model.body_poses(attitudes, joints)
+    tips = (model.link_places[link] for link in tip_links(model))
+    poses = [*bodies, *(bodies[body] @ place for body, place in tips)]
+    positions = np.stack([pose.position for pose in poses], axis=1)
+    return positions, np.stack([pose.rotation for pose in poses], axis=1)
 
 
 def tip_links(model: FreeFloatingModel) -> tuple[str, ...]:
