@@ -87,11 +87,9 @@ class CheckReport:
 
     def comparing(self, stated: Any, known: Known) -> CheckReport:
         """The report with the comparison of a record with what is known of it."""
-        found = compare(stated, known)
-        return replace(
-            self, checks=(*self.checks, *found.checks), given=tuple(found.given),
-            not_verified=tuple(found.unverified),
-        )  # fmt: skip
+        checks, unverified, given = map(tuple, compare(stated, known))
+        every = (*self.checks, *checks)
+        return replace(self, checks=every, given=given, not_verified=unverified)
 
     @property
     def passed(self) -> bool:

@@ -8,7 +8,6 @@ dots: ``chosen.closest_approach.value``.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -105,35 +104,26 @@ _RULES: dict[str, _Rule] = {
 """Rules by the last two parts of a name, without numbers, or the last one alone."""
 
 
-@dataclass
-class TreeComparison:
-    """The comparison of two trees.
+def compare(stated: Any, known: Known) -> tuple[list[Check], list[str], list[str]]:
+    """Compare a record with what is known of it.
 
-    Attributes:
-        checks: Of the values that were recomputed.
-        unverified: Names of values that were not, or not to all digits.
-        given: Names of values that are part of the question.
+    Returns:
+        Checks of the values that were recomputed, names of those that were not, or not to all
+        digits, and names of those that are part of the question.
     """
-
-    checks: list[Check] = field(default_factory=list)
-    unverified: list[str] = field(default_factory=list)
-    given: list[str] = field(default_factory=list)
-
-
-def compare(stated: Any, known: Known) -> TreeComparison:
-    """Compare a record with what is known of it."""
-    comparison, codec = TreeComparison(), named(kind_of(stated, saved=True).codec)
+    checks, unverified, given = list[Check](), list[str](), list[str]()
+    codec = named(kind_of(stated, saved=True).codec)
     for name, entry, found in _leaves("", codec.encode(stated), codec.encode(known)):
         if found is _MISSING:
-            comparison.unverified.append(name)
+            unverified.append(name)
         elif found is Origin.GIVEN:
-            comparison.given.append(name)
+            given.append(name)
         elif found is not Origin.TESTED:
             check, exact = _compared(name, entry, found)
-            comparison.checks.append(check)
+            checks.append(check)
             if check.passed and not exact:
-                comparison.unverified.append(name)
-    return comparison
+                unverified.append(name)
+    return checks, unverified, given
 
 
 _MISSING = object()

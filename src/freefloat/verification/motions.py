@@ -20,7 +20,7 @@ from freefloat.limits.kinds.base_turn import BaseTurnLimit
 from freefloat.limits.kinds.joint_range import JointRangeLimit
 from freefloat.limits.limit import Limit
 from freefloat.limits.result import LimitResult
-from freefloat.motion.extrema import ClosestApproach, closest_approach
+from freefloat.motion.extrema import closest_approach
 from freefloat.motion.motion import Ending, Motion
 from freefloat.motion.panels import NODES
 from freefloat.planning.motions import SimulatedBranch, branch_at
@@ -45,10 +45,12 @@ MOTION = Known(Motion, dict.fromkeys(
 
 def known_branch(simulated: SimulatedBranch) -> Known:
     """What is recomputed of the motion of an arm branch."""
-    motion, stated = simulated.motion, simulated.closest_approach
-    found = closest_approach(motion, motion.problem.margin.measure)
-    values = {"branch": _known_start(simulated), "motion": MOTION,
-              "closest_approach": same_approach(stated, found, motion)}  # fmt: skip
+    motion, time = simulated.motion, simulated.closest_approach.time
+    measure = motion.problem.margin.measure
+    found = closest_approach(motion, measure)
+    if _is_same(_measured(motion, measure, time), found.value):
+        found = replace(found, time=time)  # it is as close at the stated time
+    values = {"branch": _known_start(simulated), "motion": MOTION, "closest_approach": found}
     return Known(SimulatedBranch, values)
 
 
@@ -64,14 +66,6 @@ def _known_start(simulated: SimulatedBranch) -> Known | ArmBranch:
         if problem.model.joint_distance(branch.joints, joints) < _SAME_JOINTS:
             return replace(branch, joints=joints)
     return Known(ArmBranch, {"joints": joints})
-
-
-def same_approach(
-    stated: ClosestApproach, found: ClosestApproach, motion: Motion
-) -> ClosestApproach:
-    """The recomputed closest approach, at the stated time where it is as close then."""
-    value = _measured(motion, motion.problem.margin.measure, stated.time)
-    return replace(found, time=stated.time) if _is_same(value, found.value) else found
 
 
 def same_certificate(stated: Certificate | None, found: Certificate, motion: Motion) -> Certificate:

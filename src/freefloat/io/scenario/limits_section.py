@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import AfterValidator, Field, WithJsonSchema, create_model
+from pydantic import BeforeValidator, Field, WithJsonSchema, create_model
 
 from freefloat.errors import InputError, did_you_mean
 from freefloat.io.scenario.field_types import Name, Positive, Section, Vector, exactly_one_of
@@ -49,16 +49,11 @@ class PointingSection(Section):
     """Half the opening angle of the cone [degrees]."""
 
 
-def _require_false(value: bool) -> bool:
-    if value:
-        raise ValueError("off or false")
-    return value
-
-
-_False = Annotated[
-    bool, Field(strict=True), AfterValidator(_require_false), WithJsonSchema({"const": False})
+_Off = Annotated[
+    Literal["off"],
+    BeforeValidator(lambda value: "off" if value is False else value),  # as YAML 1.1 reads off
+    WithJsonSchema({"enum": ["off", False]}),
 ]
-"""As which YAML 1.1 reads ``off``; of ``Literal[False]`` the number 0 would be one."""
 
 
 def _key(kind: type[Limit[Any]]) -> str:
@@ -79,7 +74,7 @@ def _field(kind: type[Limit[Any]]) -> Any:
             most = float(np.degrees(most)) if angle else most
             content = Annotated[float, Field(strict=True, gt=above, ge=least, le=most)]
             if isinstance(kind.value, NumberOrOff):
-                content |= Literal["off"] | _False
+                content |= _Off
     return content | None, Field(default=None, description=kind.description)
 
 

@@ -85,8 +85,7 @@ def headings(attitudes: Array, plane: Plane) -> Array:
 
 def joint_scale(model: FreeFloatingModel) -> tuple[float, str]:
     """Factor and unit of joint values in figures: degrees where all joints are revolute."""
-    prismatic = any(body.prismatic for body in model.bodies[1:])
-    return (1.0, "rad, m") if prismatic else (np.degrees(1.0), "deg")
+    return (1.0, "rad, m") if model.prismatic.any() else (np.degrees(1.0), "deg")
 
 
 def attitude_curves(problem: Problem, trajectory: Trajectory) -> tuple[str, Array, Sequence[str]]:
