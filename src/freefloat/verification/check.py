@@ -87,9 +87,9 @@ class CheckReport:
 
     def comparing(self, stated: Any, known: Known) -> CheckReport:
         """The report with the comparison of a record with what is known of it."""
-        checks, unverified, given = map(tuple, compare(stated, known))
+        checks, unverified, given = compare(stated, known)
         every = (*self.checks, *checks)
-        return replace(self, checks=every, given=given, not_verified=unverified)
+        return replace(self, checks=every, given=tuple(given), not_verified=tuple(unverified))
 
     @property
     def passed(self) -> bool:

@@ -11,6 +11,7 @@ from itertools import permutations, product
 import numpy as np
 import numpy.typing as npt
 from contourpy import contour_generator
+from matplotlib.colors import to_hex
 
 from freefloat.beyond.joint_space.joint_sections import (
     JointSection,
@@ -23,7 +24,6 @@ from freefloat.errors import InputError
 from freefloat.so3 import Array, IntArray
 from freefloat.visualization.figure_style import digits
 from freefloat.visualization.scenes.description import (
-    ColourKeys,
     Label,
     SceneDescription,
     TitledScene,
@@ -91,7 +91,7 @@ def singularity_scene(
     labels = _draw_box(builder, root, part)
     shown = dict.fromkeys((*items, BOX), True)
     scene = TitledScene("det A", NODE, labels, lines=tuple(_lines(part, ZEROS in items)))
-    legend = ColourKeys(dict(zip(keys, colours, strict=True)))
+    legend = {"entries": [[key, to_hex(rgb)] for key, rgb in zip(keys, colours, strict=True)]}
     return builder.scene(SceneDescription(title, (scene,), shown, legend, _VIEW))
 
 

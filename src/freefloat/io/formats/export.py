@@ -3,25 +3,20 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from datetime import datetime
 from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from freefloat.errors import InputError, require_extra, require_type
 from freefloat.io.files import written_beside
 from freefloat.io.formats.trajectory import HEADER, J2000, Header, Trajectory
 from freefloat.io.formats.trajectory_tables import csv_text, json_text, write_mat
 from freefloat.kinds import later
-from freefloat.motion.arm_curves import ArmCurve, ArmCurves
 from freefloat.motion.motion import Motion
 from freefloat.planning.answer import Answer
-from freefloat.robot.model import FreeFloatingModel
-from freefloat.so3 import Array
 
 
 class Format(StrEnum):
@@ -86,6 +81,7 @@ _WRITERS: dict[Format, Callable[[Path, Trajectory], None]] = {
 """Functions that write a trajectory to a file, by format."""
 
 
+_with_resting_arms = later("beyond.missions.resting_arms:with_resting_arms")
 _ACCEPTED = "a motion, or a plan, simulation, goal or manoeuvre that has one"
 
 
@@ -115,7 +111,9 @@ def trajectories(
     if all(phase.motion is None for phase in phases):
         raise InputError("result", f"it has no motion: {result.reason}", _ACCEPTED)
     sampled: dict[str, Trajectory] = {}
-    motions = _with_resting_arms([phase.motion for phase in phases])
+    motions = [phase.motion for phase in phases]
+    if len(phases) > 1:
+        motions = _with_resting_arms(motions)
     for number, (phase, motion) in enumerate(zip(phases, motions, strict=True), 1):
         if motion is not None:
             name = f"_{number}_{re.sub('[^A-Za-z0-9]+', '_', phase.name)}"  # such as _3_path
@@ -185,39 +183,3 @@ def save_trajectory(path: Path, trajectory: Trajectory, format_: Format) -> None
             _WRITERS[format_](temporary, trajectory)
         else:
             temporary.write_text(TEXTS[format_](trajectory), encoding="utf-8")
-
-
-def _with_resting_arms(motions: Sequence[Motion | None]) -> list[Motion | None]:
-    """The motions of phases, all with the joints of the arms that move along any of them."""
-    problems = [motion.problem for motion in motions if motion is not None]
-    robot = next((problem.model for problem in problems if problem.arms), None)
-    if robot is None:
-        return list(motions)
-    return [
-        motion if motion is None or motion.problem.arms else _with_arms(motion, robot)
-        for motion in motions
-    ]
-
-
-def _with_arms(motion: Motion, robot: FreeFloatingModel) -> Motion:
-    """A motion with the joints that further arms of a robot move, and its own model fixes."""
-    problem = motion.problem
-    fixed = dict(problem.model.fixed_joints)
-    resting = {
-        name: [fixed.pop(joint) for joint in robot.joints_of_arm(name)] for name in robot.arms
-    }
-    model = replace(problem.model, arms=robot.arms, fixed_joints=fixed)
-    curves = {
-        name: ArmCurve.evenly([values, values], problem.path.duration)
-        for name, values in resting.items()
-    }
-    constant = np.concatenate(list(resting.values()))
-
-    def widened(values: Array) -> Array:
-        return np.hstack([values, np.tile(constant, (len(values), 1))])
-
-    curve = motion.curve
-    if curve is not None:
-        curve = replace(curve, control_points=widened(curve.control_points))
-    problem = problem.replace(model=model, arms=ArmCurves(curves))
-    return replace(motion, problem=problem, joints=widened(motion.joints), curve=curve)

@@ -174,21 +174,6 @@ class MarginColours:
 
 
 @dataclass(frozen=True)
-class ColourKeys:
-    """Colours and what they mean.
-
-    Attributes:
-        entries: Colours, as red, green, blue in [0, 1], by text.
-    """
-
-    entries: Mapping[str, tuple[float, float, float]]
-
-    def to_dict(self) -> dict[str, Any]:
-        """The content of the page's legend."""
-        return {"entries": [[text, to_hex(rgb)] for text, rgb in self.entries.items()]}
-
-
-@dataclass(frozen=True)
 class SceneDescription:
     """Description of a scene for the page.
 
@@ -196,7 +181,8 @@ class SceneDescription:
         title: Title of the page.
         scenes: Motions, or arm branches of a map.
         items: Names of the nodes that can be hidden, and whether they are visible at first.
-        scale: Colours of the margin, or of parts of the scene.
+        legend: Colours of the margin (:meth:`MarginColours.to_dict`), or ``entries``: text and
+            colour of each part of the scene.
         view: First view.
         remarks: Messages on visuals of the robot that cannot be drawn.
         samples: Samples of a map.
@@ -207,7 +193,7 @@ class SceneDescription:
     title: str
     scenes: tuple[TitledScene, ...]
     items: Mapping[str, bool]
-    scale: MarginColours | ColourKeys
+    legend: Mapping[str, Any]
     view: View
     remarks: tuple[str, ...] = ()
     samples: Samples | None = None
@@ -227,7 +213,7 @@ class SceneDescription:
             "duration": self.duration,
             "scenes": [asdict(scene) for scene in self.scenes],
             "items": [{"name": name, "visible": shown} for name, shown in self.items.items()],
-            "scale": self.scale.to_dict(),
+            "scale": self.legend,
             "view": asdict(self.view),
             "remarks": list(self.remarks),
             "sequence": self.sequence,

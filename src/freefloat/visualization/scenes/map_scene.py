@@ -102,7 +102,7 @@ def map_scene(result: AttitudeMap, title: str = "freefloat") -> PageScene:
     titles = tuple(group.title for group in columns)
     samples = Samples(vectors[chosen], margins, titles, _PARTS)
     return builder.scene(
-        SceneDescription(title, tuple(scenes), items, colours, _VIEW, samples=samples)
+        SceneDescription(title, tuple(scenes), items, colours.to_dict(), _VIEW, samples=samples)
     )
 
 
@@ -229,7 +229,7 @@ def heading_scene(result: HeadingMap, title: str = "freefloat") -> PageScene:
     margins = np.nan_to_num(np.reshape(columns, (len(columns), result.samples)).T, nan=-1.0)
     samples = Samples(_points(1.0, result.headings), margins, tuple(names))
     return builder.scene(
-        SceneDescription(title, (scene,), visible, colours, _ABOVE, samples=samples)
+        SceneDescription(title, (scene,), visible, colours.to_dict(), _ABOVE, samples=samples)
     )
 
 

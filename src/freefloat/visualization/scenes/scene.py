@@ -160,9 +160,9 @@ def motion_scene(
         for sampled in samples
         for text in (*sampled.visuals.problems, *sampled.surroundings.problems)
     )
-    view = _view(samples, places, planar)
+    view, legend = _view(samples, places, planar), scale.to_dict()
     about = SceneDescription(
-        title, scenes, items, scale, view, tuple(remarks), sequence=in_sequence, start=start
+        title, scenes, items, legend, view, tuple(remarks), sequence=in_sequence, start=start
     )
     return builder.scene(about)
 
