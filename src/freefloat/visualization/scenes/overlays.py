@@ -29,7 +29,7 @@ _RED = (0.95, 0.25, 0.1, 1.0)
 _DEPENDENT = (0.62, 0.66, 0.75)
 _INDEPENDENT = (0.0, 0.62, 0.45)
 _GRANITE = (0.36, 0.38, 0.42, 1.0)
-_AXES = np.array([[0.90, 0.25, 0.20], [0.25, 0.75, 0.30], [0.30, 0.50, 1.00]])
+_AXES = (0.90, 0.25, 0.20, 1.0), (0.25, 0.75, 0.30, 1.0), (0.30, 0.50, 1.00, 1.0)
 
 Surface = tuple[Array, IntArray]
 """Vertices (V, 3) [m] and faces (F, 3)."""
@@ -109,15 +109,9 @@ def draw_centre(builder: SceneBuilder, root: str, problem: Problem) -> list[Labe
 
 def draw_axes(builder: SceneBuilder, path: str, length: float, radius: float) -> None:
     """Draw the axes of a frame: x red, y green, z blue."""
-    rods = [rod(length * axis, radius) for axis in np.eye(3)]
-    count = len(rods[0][0])
-    builder.coloured_mesh(
-        path,
-        np.vstack([vertices for vertices, _ in rods]),
-        np.vstack([faces + number * count for number, (_, faces) in enumerate(rods)]),
-        np.repeat(_AXES, count, axis=0),
-        overlay=True,
-    )
+    for letter, axis, colour in zip("xyz", np.eye(3), _AXES, strict=True):
+        line = rod(length * axis, radius)
+        builder.mesh(f"{path}/{letter}", line, colour, shaded=False, overlay=True)
 
 
 def draw_ending(builder: SceneBuilder, root: str, motion: Motion) -> list[Label]:

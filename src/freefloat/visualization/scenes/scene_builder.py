@@ -135,14 +135,10 @@ class SceneBuilder:
         material.transparent = overlay or opacity < 1.0  # drawn last
         self._put(path, g.Mesh(geometry, material))
 
-    def coloured_mesh(
-        self, path: str, vertices: Array, faces: IntArray, colours: Array, *, overlay: bool = False
-    ) -> None:
+    def coloured_mesh(self, path: str, vertices: Array, faces: IntArray, colours: Array) -> None:
         """Add unshaded triangles (F, 3) with colours (V, 3) of the vertices (V, 3)."""
         geometry = g.TriangularMeshGeometry(vertices, faces, colours)
-        material = g.MeshBasicMaterial(
-            vertexColors=True, transparent=overlay, depthTest=not overlay, reflectivity=0.0
-        )
+        material = g.MeshBasicMaterial(vertexColors=True, transparent=False, reflectivity=0.0)
         self._put(path, g.Mesh(geometry, material))
 
     def visual(self, path: str, visual: Visual) -> None:
