@@ -42,10 +42,6 @@ _RESTING = 1e-8
 """Error of joint rates times the duration that is rounding [rad, m]."""
 _SECOND = 1e-6
 """Difference of the second integration [rad, m]."""
-_MAGNITUDE = 10.0
-"""Factor between errors of the same order of magnitude."""
-_SMALL = 1e-7
-"""Errors that are negligible."""
 _VANISHED = 1e-3
 """Fraction of its largest value that the smallest singular value may have at a singular end."""
 _AT_MARGIN = 1e-6
@@ -115,11 +111,6 @@ def error_check(
     where = "" if time is None else f" at t = {time:.6g} s"
     words = f"{detail or 'it differs'} by {error:.3g} {unit}{where}, more than {allowed:.3g}"
     return Check(name, passed, "" if passed else words, 0.0, error, allowed, unit, time)
-
-
-def magnitude_range(error: float) -> tuple[float, float]:
-    """Smallest and largest error of the same order of magnitude."""
-    return error / _MAGNITUDE - _SMALL, error * _MAGNITUDE + _SMALL
 
 
 def span_check(motion: Motion) -> Check:

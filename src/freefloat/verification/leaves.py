@@ -206,3 +206,45 @@ def _agreement(stated: Array, found: Array, rule: _Rule) -> tuple[BoolArray, Boo
     apart = finite & (error <= (rule.factor - 1.0) * smaller + slack)
     apart |= rule.unbounded & np.isposinf(b) & (a > 0.0)
     return same, same | apart | rule.free
+
+
+def differences(
+    stated: Any, recomputed: Any, key: str = "", errors: bool = False
+) -> Iterator[tuple[str, Any, Any]]:
+    """Numbers, truth values and lengths in which a document differs from that of its record.
+
+    Texts are not compared, nor keys that only one of the two has.
+
+    Args:
+        stated: The document in a file.
+        recomputed: The document of the record.
+        key: Key path of both.
+        errors: Whether they are errors, of which only the order of magnitude is compared.
+
+    Yields:
+        Key path, stated and recomputed value.
+    """
+    if isinstance(stated, dict) and isinstance(recomputed, dict):
+        for name in (name for name in stated if name in recomputed):
+            inner = f"{key}.{name}" if key else name
+            residuals = name == "residuals"
+            yield from differences(stated[name], recomputed[name], inner, errors or residuals)
+    elif isinstance(stated, list) and isinstance(recomputed, list):
+        if len(stated) != len(recomputed):
+            yield key, stated, recomputed
+            return
+        if key.endswith("attitude") and np.dot(stated, recomputed) < 0.0:  # of opposite sign
+            recomputed = [-value for value in recomputed]
+        for index, pair in enumerate(zip(stated, recomputed, strict=True)):
+            yield from differences(*pair, f"{key}[{index}]", errors)
+    elif not _agree(stated, recomputed, errors):
+        yield key, stated, recomputed
+
+
+def _agree(stated: Any, recomputed: Any, errors: bool) -> bool:
+    if isinstance(stated, str) and isinstance(recomputed, str):
+        return True
+    if not {type(stated), type(recomputed)} <= {int, float}:
+        return type(stated) is type(recomputed) and bool(stated == recomputed)
+    rule = _ERROR if errors else _EXACT
+    return bool(_agreement(np.asarray(stated), np.asarray(recomputed), rule)[1])

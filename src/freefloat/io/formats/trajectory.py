@@ -156,12 +156,7 @@ class Trajectory:
         return cls.of(motion, times_at_rate(motion, rate), header)
 
     @classmethod
-    def of(
-        cls,
-        motion: Motion,
-        times: npt.ArrayLike,
-        header: Header = HEADER,
-    ) -> Trajectory:
+    def of(cls, motion: Motion, times: npt.ArrayLike, header: Header = HEADER) -> Trajectory:
         """Sample a motion.
 
         Args:

@@ -19,7 +19,6 @@ import numpy as np
 from freefloat.errors import InputError, require_type
 from freefloat.io.files import require_result_name
 from freefloat.io.hdf5 import AlteredFileError, read_hdf5, write_hdf5
-from freefloat.io.records.differences import differences
 from freefloat.io.scenario.arms_section import paths_of_arms
 from freefloat.io.scenario.scenario import Scenario, parse_scenario
 from freefloat.io.scenario.scene_section import parse_shapes, shapes_text
@@ -32,6 +31,7 @@ from freefloat.records import Quantity, Tree
 from freefloat.robot.base import Base
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.validation import read_urdf
+from freefloat.verification.leaves import differences
 
 FORMAT_VERSION = 3
 _PREFIX = "freefloat "

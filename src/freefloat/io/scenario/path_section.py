@@ -99,11 +99,7 @@ def frame_of(
 
 
 def path_of(
-    section: PathSection,
-    task: Task,
-    samples: Mapping[str, str],
-    folder: Path,
-    frame: Pose | None,
+    section: PathSection, task: Task, samples: Mapping[str, str], folder: Path, frame: Pose | None
 ) -> EndEffectorPath:
     """Path that a section describes.
 

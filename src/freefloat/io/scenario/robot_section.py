@@ -11,10 +11,7 @@ import numpy as np
 from pydantic import Field
 
 from freefloat.errors import InputError
-from freefloat.io.scenario.arms_section import (
-    ArmSection,
-    paths_of_arms,
-)
+from freefloat.io.scenario.arms_section import ArmSection, paths_of_arms
 from freefloat.io.scenario.field_types import (
     ArgumentValue,
     Factor,

@@ -60,9 +60,7 @@ _OUTLINED: Any = {"color": GREEN, "markeredgecolor": BLACK, "zorder": 7}
 
 @styled
 def headings_figure(
-    result: HeadingMap,
-    ranges: Sequence[BranchRanges] = (),
-    chosen: tuple[int, float] | None = None,
+    result: HeadingMap, ranges: Sequence[BranchRanges] = (), chosen: tuple[int, float] | None = None
 ) -> Figure:
     """The figure of the minimum margin over heading, with an axes per arm branch.
 

@@ -225,8 +225,7 @@ def show(
 
 
 def playback(
-    result: Answer | MarginMap | Motion | Mapping[str, Motion] | Any,
-    title: str = "freefloat",
+    result: Answer | MarginMap | Motion | Mapping[str, Motion] | Any, title: str = "freefloat"
 ) -> Playback:
     """The playback of a result.
 

@@ -47,7 +47,7 @@ _MARK_COLOURS: dict[str, tuple[float, float, float, float]] = {
 }  # fmt: skip
 _SEEN = (3.4 * even_directions(100)).round(4).tolist()  # with a margin for labels
 _VIEW = View([0.0, 0.0, 0.0], 3.6, _SEEN, direction=[0.45, -1.0, 0.4], flat=False)
-_HEADINGS, CIRCLE, BEST = "headings", "Circle", "Best heading"
+_HEADINGS, _CIRCLE, _BEST = "headings", "Circle", "Best heading"
 _INNERMOST = 0.3
 _FILLED = 0.8
 """Width of a ring as a fraction of the distance between rings."""
@@ -199,15 +199,15 @@ def heading_scene(result: HeadingMap, title: str = "freefloat") -> PageScene:
     """
     builder, root = SceneBuilder(), f"{ROOT}/{_HEADINGS}"
     circle = tube(_points(1.02, np.radians(np.arange(0.0, 361.0, 2.0))), 0.003)
-    builder.mesh(f"{root}/{CIRCLE}", circle, _GREY, shaded=False)
+    builder.mesh(f"{root}/{_CIRCLE}", circle, _GREY, shaded=False)
     ticks = {0: 1.02, 90: 1.06, 180: 1.25, 270: 1.06}  # labels extend to the right
     places = {tick: _points(radius, np.radians(tick)) for tick, radius in ticks.items()}
-    labels = [Label(f"{tick}°", place.tolist(), CIRCLE) for tick, place in places.items()]
+    labels = [Label(f"{tick}°", place.tolist(), _CIRCLE) for tick, place in places.items()]
     colours = MarginColours.over(result.problem.margin, result.margins, result.limited)
     shown = np.where(result.feasible, result.margins, np.where(result.results.exist, -1.0, np.nan))
     rings = result.by_branch(shown)
     edges = np.linspace(1.0, _INNERMOST, len(rings) + 1)
-    items, best = [CIRCLE, BEST], result.best
+    items, best = [_CIRCLE, _BEST], result.best
     names = [branch_name(label) for label in result.branch_labels().values()]
     for number, (branch, margins) in enumerate(rings):
         outer = edges[number]
@@ -221,8 +221,8 @@ def heading_scene(result: HeadingMap, title: str = "freefloat") -> PageScene:
         labels.append(Label(items[-1], place.tolist(), items[-1]))
         if best is not None and best.branch == branch:
             line = _points(radii, best.heading)
-            builder.mesh(f"{root}/{BEST}", tube(line, 0.006), _WHITE, shaded=False, overlay=True)
-            labels.append(Label("best", line[1].tolist(), BEST))
+            builder.mesh(f"{root}/{_BEST}", tube(line, 0.006), _WHITE, shaded=False, overlay=True)
+            labels.append(Label("best", line[1].tolist(), _BEST))
     scene = TitledScene("all arm branches", _HEADINGS, labels, lines=tuple(_heading_lines(result)))
     visible = dict.fromkeys(items, True)
     columns = [values for _, values in result.by_branch(result.results.existing_margins)]
