@@ -89,8 +89,6 @@ def parse_yaml(text: str, path: Path) -> dict[str, Any]:
         _require_plain(text)
         data = yaml.load(text, Loader=_PlainLoader)
         problem = "it is empty" if data is None else f"it is a {type(data).__name__}"
-        if text.lstrip().startswith("<"):
-            problem = "it is XML, such as a URDF"
         mark = None
     except yaml.MarkedYAMLError as error:
         problem = str(error.problem or error.context)
@@ -100,6 +98,8 @@ def parse_yaml(text: str, path: Path) -> dict[str, Any]:
         mark = None
     if isinstance(data, dict):
         return data
+    if text.lstrip().startswith("<"):
+        problem, mark = "it is XML, such as a URDF, which a scenario names as robot.urdf", None
     raise InputError("file", problem, accepted, str(path), None if mark is None else mark.line + 1)
 
 
