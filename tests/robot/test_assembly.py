@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -189,17 +188,3 @@ def test_an_empty_root_gives_way_to_what_is_joined_to_it() -> None:
         )
         frame = data.oMf[model.getFrameId(name, pin.FrameType.BODY)]
         assert np.allclose(frame.homogeneous, expected.homogeneous, rtol=0, atol=1e-14)
-
-
-def test_meshes_of_an_attached_robot_are_found_from_the_first(tmp_path: Path) -> None:
-    (tmp_path / "tool").mkdir()
-    (tmp_path / "tool" / "part.stl").write_bytes(b"")
-    shown = '<visual><geometry><mesh filename="part.stl"/></geometry></visual>'
-    tool = tmp_path / "tool" / "tool.urdf"
-    tool.write_text(
-        '<robot name="t">' + link_text("t", inertial_text(1.0, np.eye(3)) + shown) + "</robot>"
-    )
-    arm = tmp_path / "arm.urdf"
-    arm.write_text(random_robot(np.random.default_rng(4), "R").text)
-    text = assembled(arm, attached=[Attachment(tool)])
-    assert f'filename="{tmp_path / "tool" / "part.stl"}"' in text
