@@ -90,7 +90,7 @@ def times_inside(motion):
     return ends[:-1] + np.diff(ends) * (np.arange(1, len(ends)) * 0.6180339887 % 1.0)
 
 
-@pytest.mark.parametrize("depth", [1e-5, 1e-7, 1e-9])
+@pytest.mark.parametrize("depth", [1e-5, 1e-9])
 def test_sign_change_between_nodes_is_distinguished_from_a_minimum(near, depth):
     """A minimum of -d between two nodes is a change of sign, one of +d is not."""
     for t in times_inside(near)[2::3]:
@@ -121,8 +121,9 @@ def test_the_first_of_two_sign_changes_counts(near, first):
         assert abs(passed - rolls[0]) == pytest.approx(np.sqrt(depths[0]), rel=1e-3)
 
 
-@pytest.mark.parametrize("fraction", [0.1, 0.4, 0.6, 0.9])
-@pytest.mark.parametrize("first", [True, False])
+@pytest.mark.parametrize(
+    ("fraction", "first"), [(0.1, True), (0.6, True), (0.4, False), (0.9, False)]
+)
 def test_a_minimum_near_either_end(near, fraction, first):
     """A motion may begin just before its closest approach or end just after it."""
     low, high = near.node_coordinates[:2] if first else near.node_coordinates[-2:]
@@ -135,8 +136,9 @@ def test_a_minimum_near_either_end(near, fraction, first):
     assert result.value == pytest.approx(1e-3, rel=1e-7)
 
 
-@pytest.mark.parametrize("fraction", [0.95, 0.5, 1e-4])
-@pytest.mark.parametrize("name", KEYS)
+@pytest.mark.parametrize(
+    ("name", "fraction"), [("gjm", 0.95), ("arm", 0.5), ("system", 1e-4), ("sigma", 1e-4)]
+)
 def test_a_motion_stops_exactly_at_the_margin(spatial, name, fraction):
     """|S| = S0 at the end, and S0 or more before it."""
     measure = ff.singularity_measure(spatial.model, spatial.task, name)
