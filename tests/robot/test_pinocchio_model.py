@@ -112,7 +112,6 @@ CASES: dict[str, Callable[[Path], Case]] = {
     "URDF, no root": lambda _: from_text("ssrms"),
     "MJCF": from_mjcf,
     "example, two arms": lambda _: from_example("romeo", "RShoulderYawLink", FREE),
-    "example, planar": lambda _: from_example("ur5", "tool0", PLANAR, base="planar"),
     "reduced": lambda _: reduced("panda", "panda_hand", panda_joint3=0.7),
     "reduced, continuous": lambda _: reduced(
         "kinova",
