@@ -197,7 +197,7 @@ def end_equations(problem, point):
     return equations
 
 
-END_PATHS = [0, 2, 4, 9, 11, 13]
+END_PATHS = [0, 4, 9, 13]
 """Even ones have the measure gjm, odd ones arm."""
 
 
