@@ -15,6 +15,7 @@ from freefloat.beyond.engines.mujoco_model import MuJoCoModel
 from freefloat.so3 import angle_between, heading_quaternion
 from tests.errors import error_key
 from tests.motions import GOOD, bundled
+from tests.robots import pin_configuration
 
 SPATIAL, PLANAR = "spatial_6dof/line", "planar_3dof/parabola_nonstop"
 DRIFT = {SPATIAL: np.array([0.002, 0.001, -0.0015]), PLANAR: np.array([-0.01, 0.006, 0.0])}
@@ -36,12 +37,10 @@ def start_of(problem: ff.Problem, attitude: np.ndarray, branch: int = 0) -> ff.M
 
 
 def _configuration(model: pin.Model, state: np.ndarray) -> np.ndarray:
-    """Pinocchio's configuration; that of a continuous joint is a cosine and a sine."""
-    attitude, q = state[3:7] / np.linalg.norm(state[3:7]), [*state[:3]]
-    q += attitude.tolist()
-    for joint, angle in zip(list(model.joints)[2:], state[7:], strict=True):
-        q += [np.cos(angle), np.sin(angle)] if joint.nq == 2 else [angle]
-    return np.array(q)
+    """Pinocchio's configuration."""
+    q = pin_configuration(model, dict(zip([*model.names][2:], state[7:], strict=True)))
+    q[:7] = *state[:3], *(state[3:7] / np.linalg.norm(state[3:7]))
+    return q
 
 
 @pytest.mark.parametrize("momentum", [False, True])

@@ -18,7 +18,7 @@ from freefloat.robot.shapes import MeshFile
 from freefloat.so3 import UPRIGHT
 from tests.errors import error_key
 from tests.motions import bundled
-from tests.robots import random_robot
+from tests.robots import pin_configuration, random_robot
 
 pytestmark = pytest.mark.usefixtures("readers_here")
 Case = tuple[pin.Model, ff.FreeFloatingModel]
@@ -87,14 +87,9 @@ def from_example(name: str, link: str, *root: object, base: str = "free") -> Cas
 
 def reduced(name: str, link: str, **fixed: float) -> Case:
     model, _ = from_example(name, link, FREE)
-    q, numbers = pin.neutral(model), [model.getJointId(joint) for joint in fixed]
-    for number, value in zip(numbers, fixed.values(), strict=True):
-        kind = model.joints[number]
-        q[kind.idx_q : kind.idx_q + kind.nq] = [value, np.sin(value)][: kind.nq]
-        if kind.nq > 1:
-            q[kind.idx_q] = np.cos(value)
+    numbers = [model.getJointId(joint) for joint in fixed]
     file = ff.FreeFloatingModel.from_urdf(example_robot(name), link, fixed_joints=fixed)
-    return pin.buildReducedModel(model, numbers, q), file
+    return pin.buildReducedModel(model, numbers, pin_configuration(model, fixed)), file
 
 
 def from_mjcf(folder: Path) -> Case:

@@ -24,7 +24,7 @@ from freefloat.verification import range_checks
 from freefloat.verification.comparisons import Check
 from tests.errors import error_key
 from tests.motions import bundled, from_here
-from tests.robots import planar_robot, random_robot
+from tests.robots import pin_configuration, planar_robot, random_robot
 
 STRUCTURES = {
     "RRRRRR": "pose", "RRRRR": "pointing", "RRR": "position", "RPR": "position",
@@ -47,9 +47,8 @@ class PlanarRoot:
     def matrices(self, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Conserved momenta, shape (3, 3 + n), and the Jacobian of the task's rows, base axes."""
         x, z, heading, *joints = y
-        q = np.array([x, z, np.cos(heading), np.sin(heading)])
-        for value, joint in zip(joints, [*self.model.joints][2:], strict=True):
-            q = np.append(q, value if joint.nq == 1 else [np.cos(value), np.sin(value)])
+        q = pin_configuration(self.model, dict(zip([*self.model.names][2:], joints, strict=True)))
+        q[:4] = x, z, np.cos(heading), np.sin(heading)
         momenta = pin.computeCentroidalMap(self.model, self.data, q)[[0, 1, 5]]
         task = self.problem.task
         frame = pin.LOCAL if task is ff.Task.POINTING else pin.LOCAL_WORLD_ALIGNED
