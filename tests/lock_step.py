@@ -19,16 +19,10 @@ import numpy as np
 from numba.core.dispatcher import Dispatcher
 from numba.core.extending import _Intrinsic
 
-import freefloat as ff
 import freefloat.dynamics.kernels
 import freefloat.ensemble
 import freefloat.lockstep
-from freefloat.dynamics.kernels import equation, kinematics
-from freefloat.dynamics.virtual_manipulator import VirtualManipulator
-from freefloat.ensemble.ensemble import EnsembleIntegrator
-from freefloat.ensemble.kernels import measures, records
 from freefloat.lockstep.lanes import WIDTH
-from freefloat.paths import FixedOrientation, PolynomialCurve
 
 
 class Lanes(np.ndarray):
@@ -155,58 +149,3 @@ def plain_kernels() -> Iterator[None]:
             if plain:
                 changes.enter_context(patch.multiple(module, **plain))
         yield
-
-
-def measured_problem(model: ff.FreeFloatingModel, task: ff.Task, name: str = "gjm") -> ff.Problem:
-    """A problem whose path does not matter."""
-    pose = VirtualManipulator.of(model).pose(np.zeros(model.dof))
-    line = PolynomialCurve.line(pose.position, pose.position + np.array([0.1, 0.0, 0.0]))
-    path = ff.TimedPath(ff.EndEffectorPath(line, FixedOrientation(pose.rotation)), ff.Timing(10.0))
-    return ff.Problem(
-        model, path, task, np.zeros(3), ff.Margin(ff.singularity_measure(model, task, name), 0.0)
-    )
-
-
-class Kernels:
-    """The kernels for a problem, as plain Python, with their tables."""
-
-    def __init__(self, problem: ff.Problem) -> None:
-        arrays = EnsembleIntegrator(problem, 1)._arrays
-        work = records.make_workspace(arrays.robot.n, arrays.robot.m)
-        self.work = records.workspace_in_tables(work)
-        self.problem = records.problem_in_tables(arrays, None, self.work)
-        self.robot = self.problem.robot
-
-    @staticmethod
-    def column(rows: np.ndarray) -> Table:
-        """Rows of numbers, one row for each motion, as a table with one column."""
-        return Table(np.array(rows, dtype=float).T.copy(), 1)
-
-    def jacobian(self, joints: np.ndarray) -> tuple[Lanes, Any, Lanes]:
-        """End-effector position from the centre of mass, inverse and determinant of D."""
-        _, inverse, det_D = equation.form_jacobian(
-            self.robot, self.column(joints), self.work.solver
-        )
-        tip = get_vector(self.work.solver.ends, 0, kinematics.TIP)
-        return tip - get_vector(self.work.solver.centre, 0, 0), inverse, det_D
-
-    def determinant(self, joints: np.ndarray) -> Lanes:
-        """Det S*."""
-        return equation.determinants(self.robot, self.column(joints), self.work.solver)[0]
-
-    def measure(self, joints: np.ndarray) -> Lanes:
-        """The measure."""
-        return measures.measure_at(self.robot, self.problem.measure, self.column(joints), self.work)
-
-    def rates(
-        self, joints: np.ndarray, v: np.ndarray, omega: np.ndarray, h: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray, Lanes]:
-        """The spacecraft's angular velocities and joint rates, rows by motion, and det S*."""
-        work = self.work.solver
-        for column, rows in ((0, v), (3, omega)):
-            set_vector(work.twists, 0, column, vector(*rows.T))
-        drift, determinant, _ = equation.solve_rates(
-            self.robot, self.column(joints), vector(*h.T), work
-        )
-        turn = equation.spacecraft_rate(self.robot, drift, work)
-        return np.asarray(turn).T, work.rates.array.T.copy(), determinant

@@ -7,10 +7,11 @@ A structure is a word, one letter a joint from the spacecraft outwards: ``R`` re
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import pinocchio as pin
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
@@ -221,3 +222,13 @@ def ur5_on_spacecraft() -> str:
     mount = joint_text("mount", "F", "spacecraft", "world", "0 0 0.5")
     robot.extend([ET.fromstring(spacecraft), ET.fromstring(mount)])
     return ET.tostring(robot, encoding="unicode")
+
+
+def pin_configuration(model: pin.Model, joints: Mapping[str, float]) -> np.ndarray:
+    """Pinocchio's own configuration, in which continuous joints have a cosine and a sine."""
+    q = pin.neutral(model)
+    for name, value in joints.items():
+        joint = model.joints[model.getJointId(name)]
+        angle = [np.cos(value), np.sin(value)] if joint.nq == 2 else [value]
+        q[joint.idx_q : joint.idx_q + joint.nq] = angle
+    return q

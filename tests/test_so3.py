@@ -15,7 +15,6 @@ from freefloat.rotations import rotation_matrix
 from freefloat.so3 import (
     Pose,
     axes_rotation,
-    cross,
     heading_of,
     heading_quaternion,
     rotation_vector_between,
@@ -49,14 +48,6 @@ def test_heading_of_its_quaternion(heading: float) -> None:
     )
 
 
-@given(u=st.lists(st.floats(-9, 9), min_size=3, max_size=3).map(np.array))
-def test_cross_is_the_vector_product(u: np.ndarray) -> None:
-    """Right-handed: x cross y is z."""
-    np.testing.assert_array_equal(cross(X, Y), Z)
-    v = np.array([0.3, -0.7, 1.9])
-    np.testing.assert_allclose(cross(u, v), np.cross(u, v), atol=1e-14)
-
-
 def test_pose_seen_from_a_rotated_frame() -> None:
     R0 = Rotation.from_euler("xyz", [0.3, -1.1, 2.0]).as_matrix()
     pose = Pose([1.0, 2.0, 3.0], Rotation.from_euler("zyx", [0.5, 0.6, 0.7]).as_matrix())
@@ -80,8 +71,7 @@ def test_rotation_vector_between_two_rotations(
     np.testing.assert_allclose(rotation_vector_between(before, after), angle * axis, atol=1e-9)
 
 
-@pytest.mark.parametrize("exact", "xyz")
-@pytest.mark.parametrize("other", "xyz")
+@pytest.mark.parametrize(("exact", "other"), ["xy", "zx", "yy"])
 def test_first_axis_is_exact_and_second_is_projected(exact: str, other: str) -> None:
     first, second = np.array([0.4683, 1.1683, -0.7]), np.array([1.5, -0.8, -0.33])
     if exact == other:
@@ -129,17 +119,3 @@ def test_low_discrepancy_points_are_more_even_than_random_ones(
     assert qmc.discrepancy(points) < 0.5 * chance
     np.testing.assert_array_equal(points, low_discrepancy(2048, dimension))
     np.testing.assert_array_equal(points[:10], low_discrepancy(10, dimension))
-
-
-@given(first=attitudes, second=attitudes, seed=st.integers(0, 99))
-def test_composition_of_poses(first: np.ndarray, second: np.ndarray, seed: int) -> None:
-    """The inner pose is applied first, then the outer one."""
-    p, r, point = np.random.default_rng(seed).normal(size=(3, 3))
-    outer, inner = Pose(p, rotation_matrix(first)), Pose(r, rotation_matrix(second))
-    np.testing.assert_allclose((outer.inverse() @ outer).position, 0.0, atol=1e-12)
-    np.testing.assert_allclose((outer.inverse() @ outer).rotation, np.eye(3), atol=1e-12)
-    np.testing.assert_allclose(rotation_matrix(outer.quaternion), outer.rotation, atol=1e-12)
-    both, step = outer @ inner, inner.rotation @ point + inner.position
-    np.testing.assert_allclose(
-        both.rotation @ point + both.position, outer.rotation @ step + outer.position, atol=1e-12
-    )

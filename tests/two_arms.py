@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 
 import freefloat as ff
 from freefloat.motion.motion import Motion
-from tests.robots import Robot, random_robot
+from tests.robots import Robot, pin_configuration, random_robot
 
 DURATION = 20.0
 ROWS = {"pose": slice(0, 6), "position": slice(0, 3)}
@@ -131,12 +131,8 @@ def own_motion(case: Case) -> tuple[np.ndarray, np.ndarray]:
 
 def _configuration(model, attitude, names, values) -> np.ndarray:
     """Pinocchio's configuration, the spacecraft at the origin."""
-    q = pin.neutral(model)
+    q = pin_configuration(model, dict(zip(names, values, strict=True)))
     q[3:7] = attitude
-    for name, value in zip(names, values, strict=True):
-        joint = model.joints[model.getJointId(name)]
-        place = slice(joint.idx_q, joint.idx_q + joint.nq)
-        q[place] = [np.cos(value), np.sin(value)] if joint.nq == 2 else [value]
     return q
 
 

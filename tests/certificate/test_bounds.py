@@ -51,18 +51,6 @@ def states(rng, chain, task, count):
             yield system, lambda place, c=c: chebyshev.chebval(place, c), c, x
 
 
-@pytest.mark.parametrize(("chain", "task"), ROBOTS)
-def test_the_slope_is_that_of_differences(rng, chain, task):
-    for system, joints, c, x in states(rng, chain, task, 4):
-        rates, h = chebyshev.chebval(x, chebyshev.chebder(c)), 1e-5
-        q = joints(x)
-        (ahead, _), (behind, _) = (system.matrices(q + k * rates, rates) for k in (h, -h))
-        _, slope = system.matrices(q, rates)
-        np.testing.assert_allclose(
-            slope, (ahead - behind) / (2.0 * h), atol=1e-8 * np.abs(slope).max()
-        )
-
-
 BLOCKS = ("D", "Dq", "base", "linear", "angular")
 TIGHT = {"D": 0.02, "Dq": 0.02, "base": 0.05, "linear": 0.05, "angular": 0.2}
 """Fraction of the bound of a block that its second derivative reaches for some random arm."""

@@ -8,7 +8,6 @@ import re
 import signal
 import subprocess
 import sys
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -28,17 +27,6 @@ GROUPS = {
     "Files": ["check", "export", "schema"],
 }
 SIMULATE = ("simulate", "planar_3dof/parabola_nonstop", "--heading", "200")
-
-
-def test_without_arguments_three_first_steps_are_shown() -> None:
-    result = run()
-    assert result.exit_code == 0
-    steps = re.findall(r"^  freefloat (\S+)", result.stdout, re.MULTILINE)
-    assert steps == ["models", "plan", "view"]
-
-
-def test_the_version_is_the_one_installed() -> None:
-    assert run("--version").stdout == f"freefloat {version('freefloat')}\n"
 
 
 def test_the_help_lists_commands_in_four_groups_and_the_exit_codes() -> None:
@@ -127,39 +115,6 @@ def test_quiet_prints_errors_and_documents_only(tmp_path: Path) -> None:
     assert (tmp_path / "a.h5").is_file()
     assert run("plan", "parabola", "--quiet").stderr
     assert "robots" in json.loads(run("models", "--quiet", "--json").stdout)
-
-
-def test_tables_have_colours_on_request(monkeypatch: pytest.MonkeyPatch) -> None:
-    for name in ("FORCE_COLOR", "NO_COLOR"):
-        monkeypatch.delenv(name, raising=False)
-    plain = run(*SIMULATE)
-    assert plain.stderr == ""
-    assert "\x1b" not in plain.stdout
-    monkeypatch.setenv("FORCE_COLOR", "1")
-    assert "\x1b[32m" in run(*SIMULATE).stdout
-
-
-@pytest.mark.slow
-def test_progress_is_shown_on_terminals(tmp_path: Path) -> None:
-    import pty
-
-    leader, follower = pty.openpty()
-    environment = {**os.environ, "TERM": "xterm", "COLUMNS": "100"}
-    words = ["map", "planar_3dof/parabola", "--samples", "8", "--json"]
-    with subprocess.Popen(
-        [*PROGRAM, *words], cwd=tmp_path, stdout=subprocess.PIPE, stderr=follower, env=environment
-    ) as process:
-        os.close(follower)
-        shown = b""
-        try:
-            while part := os.read(leader, 65536):
-                shown += part
-        except OSError:  # the terminal is closed
-            pass
-        stdout, _ = process.communicate(timeout=60)
-    os.close(leader)
-    assert json.loads(stdout)["samples"] == 8
-    assert b"integrating motions" in shown
 
 
 def completed(folder: Path, line: str) -> list[str]:

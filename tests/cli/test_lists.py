@@ -31,10 +31,8 @@ def test_no_option_takes_several_words_by_itself(name: str) -> None:
 @pytest.mark.parametrize("words", [
     ("planar_2dof", "--joints", "0.3", "-0.6"),
     ("--joints", "0.3", "-0.6", "planar_2dof"),
-    ("planar_2dof", "--joints=0.3", "-.6"),
     ("planar_2dof", "--joints=0.3,-0.6", "--attitude=0", "0", "0", "1"),
     ("planar_2dof", "--joints", "0.3,", "-6e-1", "--attitude", "0,0,0,1"),
-    ("planar_2dof", "--joints", "0.3", ",", "-0.6"),
     ("planar_2dof", "--joints", "0.3, -0.6", "--attitude", "0 0 0 1"),
     ("--attitude", "0", "0", "0", "1", "--joints", "+0.3,-0.6", "planar_2dof"),
 ])  # fmt: skip
@@ -49,37 +47,18 @@ def test_a_negative_number_begins_a_list() -> None:
         assert document("info", "planar_2dof", *words)["configuration"]["joints"] == [-0.3, 0.6]
 
 
-@pytest.mark.slow
-def test_parts_have_both_forms() -> None:
-    spaces = ("--mass", "150", "--inertia", "16", "16", "20", "--size", "1", "1", "0.8",
-              "--mount", "0", "0", "0.4", "0", "0", "-1")  # fmt: skip
-    commas = ("--mass", "150", "--inertia=16,16,20", "--size", "1,1,0.8",
-              "--mount", "0,0,0.4,0,0,-1")  # fmt: skip
-    texts = []
-    for words in (spaces, commas):
-        document("assemble", *UR5, *words)
-        texts.append(Path("out.urdf").read_text())
-    assert texts[0] == texts[1]
-
-
 @pytest.mark.parametrize(("command", "words", "key"), [
     ("simulate", ("planar_3dof/parabola", "--attitude", "0", "0", "1"), "attitude"),
-    ("simulate", ("planar_3dof/parabola", "--attitude", "0,0,0,0,1"), "attitude"),
     ("simulate", ("planar_3dof/parabola", "--attitude", "0", "0", "zero", "1"), "attitude"),
     ("simulate", ("--attitude", "0", "0", "0", "1x", "planar_3dof/parabola"), "attitude"),
-    ("simulate", ("planar_3dof/parabola", "--attitude"), "attitude"),
     ("simulate", ("planar_3dof/parabola", "--attitude", "--quiet"), "attitude"),
     ("simulate", ("planar_3dof/parabola", "--attitude", "[0,0,0,1]"), "attitude"),
     ("simulate", ("planar_3dof/parabola", "--attitude", "0", "0", "nan", "1"), "attitude"),
     ("simulate", ("planar_3dof/parabola", "--heading", "9", "--joints", "0.1,,0.2"), "joints"),
-    ("simulate", ("planar_3dof/parabola", "--heading", "9", "--joints", "0.1", "0.2y"), "joints"),
     ("simulate", ("planar_3dof/parabola", "--heading", "9", "--joints", "0.1", "−0.2"), "joints"),
-    ("simulate", ("planar_3dof/parabola", "--heading", "9", "--joints", ""), "joints"),
     ("info", ("planar_2dof", "--joints", "0.3"), "joints"),
-    ("info", ("planar_2dof", "--joints", "30deg", "20deg"), "joints"),
     ("map", ("planar_3dof/parabola", "--nearest", "0,0,1"), "nearest"),
     ("assemble", (*UR5, "--mass", "1", "--inertia", "1", "1", "1", "--size", "1", "1"), "size"),
-    ("assemble", (*UR5, "--mass", "1", "--inertia", "1", "x", "1"), "inertia"),
     ("assemble", (*UR5, "--mass", "1", "--inertia", "1,1"), "spacecraft.inertia"),
     ("assemble", (*UR5, "--mass", "1", "--inertia", "1,1,1", "--mount", "0,0,0"), "mount"),
 ])  # fmt: skip

@@ -10,7 +10,7 @@ import pytest
 import freefloat as ff
 from tests.commands import document, error, run
 from tests.dynamics.test_plane import CASE
-from tests.robots import inertial_text, joint_text, link_text
+from tests.robots import joint_text
 
 LINE = """
 robot: {{urdf: arm.urdf, end_effector: tip}}
@@ -64,26 +64,6 @@ def test_paths_out_of_the_plane_and_other_attitudes_are_refused(scenario: Path) 
     refused = error("plan", scenario)
     assert refused["key"] == "path"
     assert "y = 0.1 m at s = 0" in refused["message"]
-
-
-def test_arms_of_two_joints_that_are_not_parallel_are_told_what_has_a_task(tmp_path: Path) -> None:
-    text, parent = link_text("bus", inertial_text(50.0, [[5, 0, 0], [0, 5, 0], [0, 0, 5]])), "bus"
-    for number, axis in enumerate(("0 0 1", "1 0 0")):
-        text += joint_text(f"q{number}", "C", parent, f"l{number}", "0.5 0 0", axis=axis)
-        parent = f"l{number}"
-        text += link_text(parent, inertial_text(5.0, [[1, 0, 0], [0, 1, 0], [0, 0, 1]]))
-    robot = tmp_path / "two.urdf"
-    robot.write_text(f'<robot name="two">{text}</robot>')
-    refused = error("info", robot)
-    assert refused["key"] == "end_effector"
-    for word in ("no common direction", "position", "pointing", "planar-position"):
-        assert word in refused["message"]
-    path = tmp_path / "line.yaml"
-    path.write_text(
-        f"robot: {{urdf: {robot.name}, end_effector: l1}}\ntask: position\n"
-        "path: {line: {from: [0.5, 0, 0], to: [0.6, 0, 0]}}\ntiming: {duration: 9}\n"
-    )
-    assert "planar-position" in error("plan", path)["message"]
 
 
 @pytest.mark.slow

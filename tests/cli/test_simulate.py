@@ -71,40 +71,6 @@ def test_a_singular_motion_has_place_and_time() -> None:
     assert f"singular at t = {singular['time']:.4f} s, s = {singular['s']:.4f}" in text
 
 
-BAD = ("spatial_6dof/line", "--attitude", "0.1", "0.5", "0.2", "-0.8367")
-"""The paper's attitude from which some branches become singular, Fig. 9."""
-
-
-@pytest.mark.parametrize("words", [
-    pytest.param(BAD, marks=pytest.mark.slow), ("planar_3dof/parabola", "--heading", "140"),
-])  # fmt: skip
-def test_the_head_counts_the_branches_that_follow_the_path(words: tuple[str, ...]) -> None:
-    motion, head = simulated(*words), run("simulate", *words).stdout.partition("\n")[0]
-    branches = motion["branches"]
-    completed = sum(branch["completed"] for branch in branches)
-    assert 0 < completed < len(branches)
-    assert f"{completed} of {len(branches)} arm branches follow the whole path" in head
-    assert f"branch {motion['branch']} is shown" in head
-
-
-@pytest.mark.parametrize(("words", "reason"), [
-    (PLANAR, "largest minimum margin"), ((*PLANAR, "--branch", "1"), "by --branch"),
-    (("planar_3dof/parabola", "--heading", "140"), "none keeps the margin"),
-])  # fmt: skip
-def test_the_head_says_why_a_branch_is_shown(words: tuple[str, ...], reason: str) -> None:
-    assert f"({reason}" in run("simulate", *words).stdout.partition("\n")[0]
-
-
-@pytest.mark.parametrize(("quaternion", "text"), [
-    ((0, 0, 1, 0), "180 deg about z"), ((0, 0, -1, 0), "180 deg about z"),
-    ((0, 0, 0, 1), "(0 deg)"), ((0, 0, -0.6, 0.8), "73.74 deg about -z"),
-])  # fmt: skip
-def test_attitudes_are_shown_with_axis_and_angle(quaternion: Any, text: str) -> None:
-    result = run("simulate", PLANAR[0], "--attitude", *quaternion)
-    (line,) = [row for row in result.stdout.splitlines() if "initial attitude" in row]
-    assert text in line
-
-
 def test_the_distance_of_the_path_from_the_present_pose_is_printed() -> None:
     """Against Pinocchio's kinematics; nothing is said where the path begins there."""
     problem = ff.load_scenario("planar_2dof/line").problem()

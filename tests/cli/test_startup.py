@@ -52,18 +52,6 @@ def test_a_scenario_is_read_without_kernels_and_meshes(tmp_path: Path) -> None:
     assert set(freefloat.__all__) <= set(names)
 
 
-@pytest.mark.slow
-def test_tables_are_exported_without_readers_of_meshes(tmp_path: Path) -> None:
-    """They take a third of the time of an export."""
-    code = (
-        "import sys, freefloat as ff\n"
-        "from freefloat.cli import answers, export\n"
-        "from freefloat.io.formats.export import Format, trajectories\n"
-        "print('\\n'.join(sys.modules))"
-    )
-    assert not {"trimesh", "networkx", "numba"} & set(python(code, tmp_path).split())
-
-
 def test_every_public_name_can_be_imported_and_is_listed() -> None:
     assert set(freefloat.__all__) <= set(dir(freefloat))
     for name in freefloat.__all__:

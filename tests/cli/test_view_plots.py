@@ -11,7 +11,7 @@ import freefloat as ff
 from freefloat.so3 import heading_quaternion
 from freefloat.visualization.figure_style import new_figure
 from freefloat.visualization.figures import figures as figures_module
-from tests.commands import document, error
+from tests.commands import document
 
 
 @pytest.mark.slow
@@ -42,8 +42,3 @@ def test_figures_need_no_latex_that_the_users_own_settings_ask_for(tmp_path: Pat
     with rc_context({"text.usetex": True, "text.latex.preamble": r"\input{secret}"}):
         figures = document("view", tmp_path / "motion.h5", "--plots", tmp_path / "out")["figures"]
     assert len(figures) > 2
-
-
-def test_files_of_another_kind_are_errors(tmp_path: Path) -> None:
-    (tmp_path / "text.h5").write_text("no result")
-    assert error("view", tmp_path / "text.h5", "--plots", tmp_path / "out")["key"] == "file"

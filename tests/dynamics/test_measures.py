@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 import freefloat as ff
 from freefloat.dynamics.generalized_jacobian import system_matrix
-from freefloat.dynamics.joint_space import largest_measure, sampled_reach
+from freefloat.dynamics.joint_space import sampled_reach
 from freefloat.dynamics.momentum import inertia_matrices
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from tests.prismatic import BUS, TOOL, prismatic_robot
@@ -82,7 +82,7 @@ def test_sigma_is_the_smallest_scaled_singular_value(data: st.DataObject, robot:
 
 
 @pytest.mark.parametrize("name", ["gjm", "system", "sigma"])
-@pytest.mark.parametrize("structure", ["RRRRRR", "CRRCRRR", "RRPRRR", "PPRRRR"])
+@pytest.mark.parametrize("structure", ["CRRCRRR", "PPRRRR"])
 def test_measures_scale_by_their_units(structure: str, name: str, rng: np.random.Generator) -> None:
     """The same robot in feet and pounds: the value changes as its unit says."""
     robot = random_robot(rng, structure)
@@ -98,14 +98,6 @@ def test_measures_scale_by_their_units(structure: str, name: str, rng: np.random
     factor = feet ** powers.get("m", 0) * pounds ** powers.get("kg", 0)
     value = ff.singularity_measure(imperial, ff.Task.POSE, name)(same)
     assert value == pytest.approx(factor * measure(q), rel=1e-9)
-
-
-@pytest.mark.slow
-def test_rounding_does_not_change_the_largest_sigma() -> None:
-    """With all masses three times as large S* is the same."""
-    models = [ff.FreeFloatingModel.from_urdf("ssrms", scale_mass=scale) for scale in (1.0, 3.0)]
-    largest = [largest_measure(m, ff.singularity_measure(m, "pose", "sigma")) for m in models]
-    assert largest[0] == pytest.approx(largest[1], rel=1e-7)
 
 
 def test_the_reach_of_prismatic_joints_ends_at_their_limits() -> None:

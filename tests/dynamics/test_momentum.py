@@ -10,12 +10,11 @@ from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
 import freefloat as ff
-from freefloat.dynamics.generalized_jacobian import system_matrix, system_matrix_derivative
-from freefloat.dynamics.momentum import end_effector_jacobian, inertia_matrices, momentum_map
+from freefloat.dynamics.generalized_jacobian import system_matrix
+from freefloat.dynamics.momentum import end_effector_jacobian, inertia_matrices
 from freefloat.dynamics.resolved_rates import ResolvedRateSolver
 from freefloat.rotations import rotation_matrix
 from freefloat.so3 import rotation_vector_between
-from tests.motions import relative
 from tests.robots import Robot, attitudes, joint_values, planar_robot, robots
 
 
@@ -45,47 +44,6 @@ def test_dynamic_singularity_is_not_kinematic() -> None:
             assert np.linalg.det(fixed_base) == pytest.approx(np.sin(q2), abs=1e-12)
             count += 1
     assert count == 8
-
-
-def summed_momentum(
-    model: ff.FreeFloatingModel, attitude: np.ndarray, joints: np.ndarray, v: np.ndarray
-) -> np.ndarray:
-    """Linear momentum, and angular momentum about the centre of mass: a sum over the bodies."""
-    R = rotation_matrix(attitude)
-    p = model.base_position(attitude, joints)
-    V, W = R @ v[:3], R @ v[3:6]
-    moving = []
-    for i, body in enumerate(model.bodies):
-        if i:
-            V = V + np.cross(W, R @ body.placement.position)
-            p = p + R @ body.placement.position
-            R = R @ body.placement.rotation
-            axis, rate = R @ body.axis, v[5 + i]
-            if body.prismatic:
-                p = p + joints[i - 1] * axis
-                V = V + np.cross(W, joints[i - 1] * axis) + rate * axis
-            else:
-                R = R @ Rotation.from_rotvec(joints[i - 1] * body.axis).as_matrix()
-                W = W + rate * axis
-        arm = R @ body.centre
-        spin = R @ body.inertia @ R.T @ W
-        moving.append((body.mass, p + arm, V + np.cross(W, arm), spin))
-    P = sum(mass * u for mass, _, u, _ in moving)
-    centre = sum(mass * x for mass, x, _, _ in moving) / model.total_mass
-    L = sum(np.cross(x - centre, mass * u) + spin for mass, x, u, spin in moving)
-    return np.concatenate([P, L])
-
-
-@given(data=st.data(), robot=robots(), attitude=attitudes)
-def test_momentum_map_sums_the_momentum_of_every_body(
-    data: st.DataObject, robot: Robot, attitude: np.ndarray
-) -> None:
-    """Mass times velocity, and moments about the centre of mass, in the inertial frame."""
-    model = loaded(robot)
-    q = data.draw(joint_values(model.dof))
-    v = np.random.default_rng(1).normal(size=6 + model.dof)
-    momentum = momentum_map(model, q, attitude) @ v
-    assert relative(momentum, summed_momentum(model, attitude, q, v)) < 1e-12
 
 
 @given(data=st.data(), robot=robots(), attitude=attitudes)
@@ -148,20 +106,6 @@ def test_rates_give_the_twist_and_keep_the_momentum(
     S = ff.generalized_jacobian(model, q)
     null = np.linalg.svd(S)[2][6:]
     assert np.abs(null @ rates).max(initial=0.0) < 1e-9 * max(1.0, np.abs(rates).max())
-
-
-@given(data=st.data(), robot=robots(st.text("RCP", min_size=6, max_size=7)))
-@pytest.mark.parametrize("task", [ff.Task.POSE, ff.Task.POSITION])
-def test_derivative_of_the_system_matrix(task: ff.Task, data: st.DataObject, robot: Robot) -> None:
-    """Compared with central differences, for links whose centres of mass move."""
-    model = loaded(robot)
-    q, step = data.draw(joint_values(model.dof)), 1e-5
-    rates = np.random.default_rng(7).normal(size=model.dof)
-    differences = (
-        system_matrix(model, q + step * rates, task) - system_matrix(model, q - step * rates, task)
-    ) / (2.0 * step)
-    derivative = system_matrix_derivative(model, q, rates, task)
-    np.testing.assert_allclose(derivative, differences, atol=1e-7 * np.abs(differences).max())
 
 
 def test_rates_are_infinite_where_the_matrix_is_singular() -> None:

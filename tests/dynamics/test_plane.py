@@ -43,16 +43,10 @@ def free_floating(text: str, joints: np.ndarray) -> tuple[np.ndarray, np.ndarray
     return A[3:, 3:6], J[:, 6:] - J[:, :6] @ np.linalg.solve(A[:, :6], A[:, 6:])
 
 
-def test_two_joints_about_y_have_the_determinant_of_those_about_z() -> None:
-    """The value is that of an independent computation."""
-    for axis in ("0 1 0", "0 0 1", "0 -1 0"):
-        model = ff.FreeFloatingModel.from_urdf(CASE.format(axis))
-        measure = ff.singularity_measure(model, "planar-position", "gjm")
-        assert abs(measure(np.array([0.3, 0.7]))) == pytest.approx(0.19041257069102024, rel=1e-12)
-
-
-@pytest.mark.parametrize("direction", DIRECTIONS)
-@pytest.mark.parametrize("joints", ["+-", "+p", "-++", "p+-"])
+@pytest.mark.parametrize(
+    ("joints", "direction"),
+    list(zip(["+-", "+p", "-++", "p+-"], DIRECTIONS, strict=True)),
+)
 def test_measures_are_those_of_pinocchio(joints: str, direction: str) -> None:
     turn = turn_to(direction)
     text = planar_arm(3, joints, turn)
@@ -70,9 +64,8 @@ def test_measures_are_those_of_pinocchio(joints: str, direction: str) -> None:
     assert abs(system) == pytest.approx(expected[0] * turn[:, 2] @ D @ turn[:, 2], rel=1e-9)
 
 
-@pytest.mark.parametrize("direction", DIRECTIONS)
-def test_the_derivative_of_the_system_matrix_is_that_of_differences(direction: str) -> None:
-    model = ff.FreeFloatingModel.from_urdf(planar_arm(5, "+-+", turn_to(direction)), "tool")
+def test_the_derivative_of_the_system_matrix_is_that_of_differences() -> None:
+    model = ff.FreeFloatingModel.from_urdf(planar_arm(5, "+-+", turn_to("oblique")), "tool")
     q, rates, step = np.array([0.4, -0.9, 0.5]), np.array([0.3, 0.2, -0.7]), 1e-6
     after, before = (system_matrix(model, q + s * rates, "planar-pose") for s in (step, -step))
     change = system_matrix_derivative(model, q, rates, "planar-pose")
@@ -80,7 +73,7 @@ def test_the_derivative_of_the_system_matrix_is_that_of_differences(direction: s
 
 
 @pytest.mark.parametrize("metric", ["joints", "energy"])
-@pytest.mark.parametrize("direction", ["x", "y", "oblique"])
+@pytest.mark.parametrize("direction", ["x", "oblique"])
 def test_rates_of_redundant_arms_are_those_about_z(direction: str, metric: str) -> None:
     """Also toward a high manipulability, whose gradient is in the axes of the plane."""
     turn, q, solved = turn_to(direction), np.array([0.4, -0.9, 0.5, 0.3]), []

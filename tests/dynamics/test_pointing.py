@@ -33,8 +33,10 @@ def found_orientation(motion, count=401):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("momentum", [False, True])
-@pytest.mark.parametrize(("structure", "seed"), [("RRRRRR", 0), ("RRRRRR", 5), ("RRPRRR", 1)])
+@pytest.mark.parametrize(
+    ("structure", "seed", "momentum"),
+    [("RRRRRR", 0, False), ("RRRRRR", 5, True), ("RRPRRR", 1, True)],
+)
 def test_prescribing_the_roll_that_was_found_gives_the_same_motion(structure, seed, momentum):
     """The joint rates of least norm of a six-joint arm, then those of its pose task."""
     start = redundant(structure, ff.Task.POINTING, None, seed, momentum=momentum)
@@ -77,9 +79,8 @@ def test_rows_are_those_of_the_end_effector(structure):
     np.testing.assert_allclose(slope, difference, rtol=0, atol=1e-7 * np.abs(A).max())
 
 
-@pytest.mark.parametrize("structure", ARMS)
-@pytest.mark.parametrize("seed", [0, 1])
-def test_configurations_point(structure, seed):
+@pytest.mark.parametrize(("seed", "structure"), list(enumerate(ARMS)))
+def test_configurations_point(seed, structure):
     """Starts have the position and the z axis of the path; of redundant arms many rolls."""
     start = redundant(structure, ff.Task.POINTING, None, seed)
     branches = start.problem.branches(start.attitude)

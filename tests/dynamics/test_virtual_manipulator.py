@@ -8,10 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import freefloat as ff
-from freefloat.dynamics.generalized_jacobian import system_matrix
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.rotations import rotation_matrix
-from tests.motions import virtual_jacobian
 from tests.robots import (
     STROKE,
     Robot,
@@ -43,16 +41,6 @@ def test_virtual_and_real_end_effector_poses_agree(
     expected = model.end_effector_pose(attitude, q)
     np.testing.assert_allclose(R @ pose.position, expected.position, atol=1e-12)
     np.testing.assert_allclose(R @ pose.rotation, expected.rotation, atol=1e-12)
-
-
-@given(data=st.data(), robot=robots())
-def test_jacobian_is_j12_of_the_free_floating_system(data: st.DataObject, robot: Robot) -> None:
-    """At constant attitude real and virtual arm move alike: J12* of (2)."""
-    model, virtual = both(robot)
-    q = data.draw(joint_values(model.dof))
-    np.testing.assert_allclose(
-        virtual_jacobian(virtual, q)[0], system_matrix(model, q)[3:, 3:], atol=1e-11
-    )
 
 
 @given(seed=st.integers(0, 2**32 - 1), n=st.integers(1, 4))

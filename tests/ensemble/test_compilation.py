@@ -112,8 +112,7 @@ def test_a_configuration_file_of_the_current_folder_names_no_cache(tmp_path: Pat
     assert [*folder.rglob("*.nbi")]
 
 
-@pytest.mark.parametrize("suffix", [".nbi", ".nbc"])
-@pytest.mark.parametrize("damage", ["empty", "flipped"])
+@pytest.mark.parametrize(("suffix", "damage"), [(".nbi", "empty"), (".nbc", "flipped")])
 def test_a_damaged_cache_entry_is_deleted_and_reported_once(
     tmp_path: Path, caplog: pytest.LogCaptureFixture, suffix: str, damage: str
 ) -> None:

@@ -15,7 +15,6 @@ from freefloat.ensemble.endings import COMPLETED, MARGIN, SINGULAR
 from freefloat.ensemble.ensemble import EnsembleIntegrator
 from freefloat.ensemble.result import EnsembleResult
 from freefloat.ensemble.systems import Systems
-from freefloat.motion.extrema import first_crossing
 from freefloat.motion.margin import keeps_threshold
 from freefloat.motion.motion import Ending
 from freefloat.paths import (
@@ -80,13 +79,15 @@ LAWS = [
     (TimeLaw.QUINTIC, ()), (TimeLaw.CUBIC, ()), (TimeLaw.TRAPEZOIDAL, ()),
     (TimeLaw.TRAPEZOIDAL, (Stop(0.4, 22.0),)), (TimeLaw.CUBIC, (Stop(0.1, 3.0), Stop(0.9, 21.0))),
 ]  # fmt: skip
-JOINTS = np.array([0.6, 0.7, -1.3, 0.4, 0.9, 0.2])
+JOINTS, H = np.array([0.6, 0.7, -1.3, 0.4, 0.9, 0.2]), np.array([0.8, -1.5, 2.0])
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("path", [line_and_slerp, arc_and_direction, waypoints])
-@pytest.mark.parametrize(("law", "momentum"), [*((law, (0.8, -1.5, 2)) for law in LAWS),
-                                               (LAWS[3], (0, 0, 0))])  # fmt: skip
+@pytest.mark.parametrize(
+    ("path", "law", "momentum"),
+    [(line_and_slerp, LAWS[1], H), (line_and_slerp, LAWS[3], 0.0 * H),
+     (arc_and_direction, LAWS[0], H), (arc_and_direction, LAWS[4], H), (waypoints, LAWS[2], H)],
+)  # fmt: skip
 def test_paths_and_laws(spatial, path, law, momentum) -> None:
     """The segments of the law and the path's cubics; both signs of the wrist."""
     attitude = random_attitudes(1, 5)[0]
@@ -106,10 +107,8 @@ def test_paths_and_laws(spatial, path, law, momentum) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("structure", "task", "name"),
-    [("RRR", ff.Task.POSITION, "gjm"), ("RRRRR", ff.Task.POSITION, "system"),
-     ("RRRRRR", ff.Task.POSITION, "sigma"), ("RRRRRRR", ff.Task.POSE, "gjm"),
-     ("CRRRRRRR", ff.Task.POSE, "system"), ("RPR", ff.Task.POSITION, "sigma"),
-     ("RRRPRR", ff.Task.POSE, "gjm"), ("RRRPRR", ff.Task.POSE, "system"),
+    [("RRRRR", ff.Task.POSITION, "system"), ("CRRRRRRR", ff.Task.POSE, "system"),
+     ("RPR", ff.Task.POSITION, "sigma"), ("RRRPRR", ff.Task.POSE, "gjm"),
      ("RRRPRRR", ff.Task.POSE, "sigma"), ("PRFRPRR", ff.Task.POSITION, "gjm")],
 )  # fmt: skip
 def test_random_arms(structure: str, task: ff.Task, name: str) -> None:
@@ -159,9 +158,9 @@ def test_planar_arms(joints: int, momentum: float) -> None:
     assert endings[-1] is Ending.SINGULAR
 
 
-@pytest.mark.parametrize("tolerance", [1e-4, 1e-6])
-def test_minima_do_not_depend_on_the_steps(spatial: ff.Problem, tolerance: float) -> None:
+def test_minima_do_not_depend_on_the_steps(spatial: ff.Problem) -> None:
     """The same minima with steps of four different lengths, in both directions of time."""
+    tolerance = 1e-4
     attitudes, joints = states(spatial, random_attitudes(10, 22))
     integrator = EnsembleIntegrator(spatial, 1, tolerance=tolerance)
     fine = EnsembleIntegrator(spatial, 1, tolerance=1e-10).integrate(attitudes, joints)
@@ -174,18 +173,6 @@ def test_minima_do_not_depend_on_the_steps(spatial: ff.Problem, tolerance: float
     ends, zeros = np.full(done.sum(), spatial.path.duration), np.zeros(done.sum())
     back = integrator.integrate(fine.attitudes[done], fine.joints[done], starts=ends, ends=zeros)
     np.testing.assert_allclose(back.minimum, fine.minimum[done], rtol=1e-4, atol=error)
-
-
-def test_small_minima_are_integrated_once_with_the_stricter_tolerance(spatial: ff.Problem) -> None:
-    """The same results in fewer evaluations as of motions that are integrated a second time."""
-    attitudes, joints = states(spatial, random_attitudes(40, 3))
-    integrator = EnsembleIntegrator(spatial, 1)
-    twice = integrator.integrate(attitudes, joints)
-    once = integrator.integrate(attitudes, joints, stricter=True)
-    again = (twice.endings == COMPLETED) & (twice.evaluations > once.evaluations)
-    assert 10 < again.sum() < len(again) / 2
-    for name in ("minimum", "minimum_at", "joints", "attitudes", "rates"):
-        assert np.array_equal(getattr(once, name)[again], getattr(twice, name)[again]), name
 
 
 def test_skewed_minimum_between_nodes() -> None:
@@ -281,10 +268,11 @@ def test_states_that_kernels_could_not_read_are_refused(
 
 @pytest.mark.parametrize(
     ("name", "attitude"),
-    [("spatial_6dof/line", GOOD), ("planar_3dof/parabola", heading_quaternion(3.5)),
-     ("planar_3dof/parabola_nonstop", heading_quaternion(5.76)),
-     ("panda_servicer/line", [0.0, 0.0, 0.0, 1.0])],
-)  # fmt: skip
+    [
+        ("planar_3dof/parabola", heading_quaternion(3.5)),
+        ("panda_servicer/line", [0.0, 0.0, 0.0, 1.0]),
+    ],
+)
 def test_backward_integration_retraces(name: str, attitude: object) -> None:
     """An end before its start retraces the motion, with its stops, minimum and ranges."""
     problem = bundled(name)
@@ -345,31 +333,6 @@ def test_rates_at_the_start_count(spatial: ff.Problem, when: float) -> None:
     np.testing.assert_allclose(result.rates[0], np.abs(first), rtol=1e-2)
     later = integrator.integrate(*start, **options)
     assert (later.rates[0] >= np.abs(first) * (1.0 - 1e-9)).all()
-
-
-def test_stop_below_changes_no_other_motion(spatial: ff.Problem) -> None:
-    """Motions that pass the value end soon after they do; the others are the same to the bit."""
-    attitudes, joints = states(spatial, random_attitudes(12, 31))
-    integrator, measure = EnsembleIntegrator(spatial, 1), spatial.margin.measure
-    whole = integrator.integrate(attitudes, joints)
-    level = float(np.quantile(whole.minimum, 0.4))
-    stopping = integrator.integrate(attitudes, joints, stop_below=level)
-    below = ~keeps_threshold(whole.minimum, level)
-    assert 20 < below.sum() < len(below) - 20
-    np.testing.assert_array_equal(stopping.endings[below], MARGIN)
-    assert (stopping.minimum[below] < level).all()
-    assert (stopping.ended_at[below] <= whole.ended_at[below]).all()
-    assert stopping.evaluations[below].sum() < 0.9 * whole.evaluations[below].sum()
-    for name in ("endings", "ended_at", "minimum", "joints", "attitudes", "evaluations"):
-        ours, theirs = (getattr(result, name)[~below] for result in (stopping, whole))
-        np.testing.assert_array_equal(ours, theirs, err_msg=name)
-    for k in np.flatnonzero(below)[::10]:
-        motion = ff.integrate_motion(spatial, attitudes[k], joints[k])
-        u = first_crossing(motion, measure, level)
-        assert u is not None
-        crossing = motion.evaluate(u)[0][0]
-        assert crossing - 1e-3 <= stopping.ended_at[k] <= crossing + 15.0
-    np.testing.assert_array_equal(stopping.keeps(level), ~below)
 
 
 def test_margin_violations_precede_singularities(spatial: ff.Problem) -> None:

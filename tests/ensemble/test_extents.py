@@ -2,28 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 import freefloat as ff
 from freefloat.dynamics.redundancy import Metric, Toward
-from freefloat.ensemble.endings import COMPLETED
 from freefloat.ensemble.ensemble import EnsembleIntegrator
 from freefloat.ensemble.result import EnsembleResult
-from freefloat.ensemble.robots import Robots
-from freefloat.ensemble.systems import Systems
 from freefloat.ensemble.tolerances import step_tolerance
 from freefloat.motion.motion import Motion
-from tests.lock_step import plain_kernels
 from tests.motions import GOOD, bundled, first_motion, simulated
-from tests.redundant import Start, redundant
+from tests.redundant import redundant
 from tests.two_arms import random_case
 from tests.validation.test_plain_integration import plain
 
 INSTANTS = 2001
-LINK = "link_89"
 NULL_SPACE = ff.Redundancy(Metric.ENERGY, Toward.MIDDLE, 0.8, 2.0)
 EXTENTS = "rates", "base_rate", "lower", "upper"
 
@@ -91,8 +84,7 @@ def test_examples(name: str) -> None:
 @pytest.mark.parametrize(("redundancy", "seed"), [(None, 1), (NULL_SPACE, 2)])
 @pytest.mark.parametrize(
     ("structure", "task"),
-    [("RRRRRRR", ff.Task.POSE), ("RRRPRRRR", ff.Task.POSE), ("RPRR", ff.Task.POSITION),
-     ("5", ff.Task.PLANAR_POSITION)],
+    [("RRRPRRRR", ff.Task.POSE), ("5", ff.Task.PLANAR_POSITION)],
 )  # fmt: skip
 def test_random_arms(structure: str, task: ff.Task, redundancy: object, seed: int) -> None:
     start = redundant(structure, task, redundancy, seed)
@@ -124,58 +116,3 @@ def test_plain_integration() -> None:
     first = motion.initial
     result = integrator.integrate(first.attitude[None], first.joints[None], extremes=True)
     assert_same(result, expected, 1e-5, 5e-6)
-
-
-def seven_joints() -> Start:
-    return redundant("RRRRRRR", ff.Task.POSE, None, 1)
-
-
-@pytest.mark.slow
-def test_backward_motions() -> None:
-    start = seven_joints()
-    integrator = EnsembleIntegrator(start.problem, 1, tolerance=1e-9)
-    there = integrator.integrate(start.attitude[None], start.joints[None], extremes=True)
-    end = np.array([start.problem.path.duration])
-    back = integrator.integrate(
-        there.attitudes, there.joints, starts=end, ends=0.0 * end, extremes=True
-    )
-    assert back.endings[0] == COMPLETED
-    assert_same(back, there, 1e-6, 1e-6)
-
-
-@pytest.mark.slow
-def test_robots_in_lanes() -> None:
-    """Each has the extents of its own model's motion."""
-    start, count = seven_joints(), 11
-    problem, factors = start.problem, {LINK: np.linspace(0.8, 1.3, 11)}
-
-    def model_of(k: int) -> ff.FreeFloatingModel:
-        return problem.model.scaled({LINK: float(factors[LINK][k])})
-
-    robots = Robots.of(problem.model, np.arange(count), model_of, factors=factors)
-    systems = replace(Systems.of(problem), robots=robots)
-    attitudes, joints = (np.tile(v, (count, 1)) for v in (start.attitude, start.joints))
-    together = EnsembleIntegrator(problem, 1, tolerance=1e-9).integrate(
-        attitudes, joints, systems, extremes=True
-    )
-    for k in (0, count - 1):
-        own = replace(problem, model=model_of(k))
-        single = EnsembleIntegrator(own, 1, tolerance=1e-9).integrate(
-            attitudes[:1], joints[:1], extremes=True
-        )
-        for name in EXTENTS:
-            np.testing.assert_allclose(
-                getattr(together, name)[k], getattr(single, name)[0], rtol=1e-7, atol=1e-7
-            )
-    assert np.ptp(together.base_rate) > 1e-4 * together.base_rate[0]
-
-
-@pytest.mark.slow
-def test_plain_kernels() -> None:
-    """The kernels as plain Python, whose every index is checked."""
-    start = redundant("4", ff.Task.PLANAR_POSE, None, 1)
-    integrator = EnsembleIntegrator(start.problem, 1)
-    state = start.attitude[None], start.joints[None]
-    compiled = integrator.integrate(*state, extremes=True)
-    with plain_kernels():
-        assert_same(integrator.integrate(*state, extremes=True), compiled, 1e-9, 1e-9)

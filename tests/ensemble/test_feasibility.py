@@ -10,14 +10,13 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import freefloat as ff
-from freefloat.attitude_grids import attitude_grid
-from freefloat.ensemble.endings import COMPLETED, SINGULAR, UNREACHED
+from freefloat.ensemble.endings import COMPLETED, UNREACHED
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.ensemble.result import BranchResults
 from freefloat.ensemble.wrist_flips import has_wrist_flipped_branches
 from freefloat.errors import UnreachableError
 from freefloat.robot.bundled import models_folder
-from freefloat.so3 import angle_between, heading_quaternion
+from freefloat.so3 import heading_quaternion
 from tests.ensembles import CODES
 from tests.motions import BAD, bundled
 
@@ -70,36 +69,6 @@ def test_results_are_those_of_simulations(name: str, count: int) -> None:
             else:
                 assert results.motions.minimum[k, b] == results.margins[k, b] == 0.0
     assert (results.motions.endings == COMPLETED).any()
-
-
-@pytest.mark.parametrize(("name", "count"), CASES)
-def test_single_branches_agree_with_columns_of_all(name: str, count: int) -> None:
-    """To the bit, unless wrist-flipped; a number no attitude has gives an empty table."""
-    problem, attitudes, results = evaluated(name, count)
-    evaluator = FeasibilityEvaluator(problem, 1)
-    for branch in range(results.motions.endings.shape[1]):
-        alone = evaluator.evaluate(attitudes, branch)
-        column = slice(branch, branch + 1)
-        np.testing.assert_array_equal(alone.motions.endings, results.motions.endings[:, column])
-        rounding = ROUNDING if evaluator.wrist_flipped else 0.0
-        np.testing.assert_allclose(
-            alone.motions.minimum, results.motions.minimum[:, column], rtol=rounding
-        )
-        np.testing.assert_array_equal(alone.joints, results.joints[:, column])
-        margins = evaluator.margins(attitudes, branch)
-        np.testing.assert_array_equal(margins, alone.margins[:, 0])
-    best = evaluator.margins(attitudes, None)
-    np.testing.assert_array_equal(best, results.margins.max(axis=1, initial=0.0))
-    each = np.arange(len(attitudes)) % results.margins.shape[1]
-    np.testing.assert_allclose(
-        evaluator.margins(attitudes, each),
-        results.margins[np.arange(len(each)), each],
-        rtol=rounding,
-    )
-    beyond = evaluator.evaluate(attitudes, 100)
-    assert beyond.motions.endings.size == 0
-    np.testing.assert_array_equal(evaluator.margins(attitudes, 100), np.zeros(len(attitudes)))
-    assert not evaluator.keeps(attitudes, 100).any()
 
 
 @pytest.mark.slow
@@ -161,39 +130,3 @@ def test_mass_inside_the_wrist_distinguishes_wrist_flipped_branches(link: str) -
         margin = ff.Margin(ff.singularity_measure(model, light.task, "gjm"), 0.0)
         problem = ff.Problem(model, light.path, light.task, light.momentum, margin)
         assert has_wrist_flipped_branches(problem) is wrist_flipped_branches, (link, factor)
-
-
-def test_derived_wrist_flipped_branches_agree_with_integrated_ones() -> None:
-    """Joints, rates, ranges, last attitude and minimum margin, to the integrator's tolerance."""
-    problem, attitudes = bundled("spatial_6dof/line"), attitude_grid(48, 3)
-    evaluator = FeasibilityEvaluator(problem, 1)
-    together = evaluator.evaluate(attitudes)
-    assert evaluator.wrist_flipped
-    done = 0
-    for branch in (1, 3, 5, 7):
-        exists = together.motions.endings[:, branch] != UNREACHED
-        single = evaluator.integrator.integrate(attitudes[exists], together.joints[exists, branch])
-        derived = {
-            name: getattr(together.motions, name)[exists, branch]
-            for name in ("ended_at", "minimum_at", "attitudes", "joints", "rates", "lower", "upper")
-        }
-        endings = together.motions.endings[exists, branch]
-        np.testing.assert_array_equal(endings, single.endings)
-        singular = endings == SINGULAR
-        np.testing.assert_allclose(derived["ended_at"], single.ended_at, atol=1e-2)
-        complete = (endings == COMPLETED) & (single.minimum > 1.0)
-        done += complete.sum()
-        assert (complete | singular | (single.minimum <= 1.0)).all()
-        minimum = together.motions.minimum[exists, branch]
-        np.testing.assert_allclose(minimum[complete], single.minimum[complete], rtol=ROUNDING)
-        np.testing.assert_allclose(
-            derived["minimum_at"][complete], single.minimum_at[complete], atol=0.1
-        )
-        angles = angle_between(derived["attitudes"][complete], single.attitudes[complete])
-        assert angles.max() < 1e-4
-        for name in ("joints", "rates", "lower", "upper"):
-            off = np.abs(derived[name] - getattr(single, name))[complete]
-            size = np.abs(getattr(single, name)).max()
-            # rates and ranges are those at the integrator's steps
-            assert off.max() < (2e-4 if name == "joints" else 0.02 * size), (name, off.max())
-    assert done > 100

@@ -14,7 +14,6 @@ from scipy.spatial.transform import Rotation
 import freefloat as ff
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.ik.branches import ArmBranch, arm_branches, search_arm_branches
-from freefloat.ik.nearest import newton_solutions
 from freefloat.so3 import Pose, axes_rotation, rotation_vector_between
 from tests.motions import gaps, virtual_jacobian
 from tests.robots import (
@@ -289,16 +288,3 @@ def test_joints_are_wrapped_into_their_range(q: np.ndarray, ranges: list[list[fl
             nearest = inside[np.argmin(np.abs(inside))] if len(inside) else angle
             assert abs(value) == pytest.approx(abs(nearest), abs=1e-12)
             assert not len(inside) or lower <= value <= upper
-
-
-def test_newtons_configurations_are_within_half_a_turn_of_where_it_starts():
-    """A configuration a turn away is the same arm, but not the same distance from mid-range."""
-    model, rng = ff.FreeFloatingModel.from_urdf("planar_3dof"), np.random.default_rng(1)
-    joints, starts = rng.uniform(-3.0, 3.0, (2, 200, 3))
-    poses = [model.end_effector_pose([0.0, 0.0, 0.0, 1.0], q) for q in joints]
-    positions = np.array([pose.position for pose in poses])
-    rotations = np.array([pose.rotation for pose in poses])
-    task = ff.Task.PLANAR_POSITION
-    found = newton_solutions(model, positions, rotations, task, starts)
-    assert np.isfinite(found).all(axis=1).mean() > 0.9
-    assert np.nanmax(np.abs(found - starts)) < np.pi + 1e-9

@@ -145,7 +145,7 @@ def test_a_parser_of_ccsds_messages_reads_attitudes_and_dates(trajectory, tmp_pa
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["ets_vii/inspect", "ur5_servicer/arc", "ur5_servicer/table"])
+@pytest.mark.parametrize("name", ["ets_vii/inspect", "ur5_servicer/table"])
 def test_mujoco_reads_the_robot_and_both_ends(name: str) -> None:
     trajectory = Trajectory.sampled(first_motion(bundled(name)), 21)
     problem = trajectory.motion.problem

@@ -211,12 +211,14 @@ def frames_at_present(robot: ff.FreeFloatingModel) -> dict[str, Pose]:
     return {"spacecraft": spacecraft, "base": spacecraft @ robot.link_places[carrier][1]}
 
 
-@pytest.mark.parametrize("frame", ["spacecraft", "base"])
-@pytest.mark.parametrize("path", [
-    f"{LINE}, attitude: {{slerp: {{from: [0, 0, 0, 1], to: [0.5, 0.5, 0.5, 0.5]}}}}",
-    f"{CURVES['arc']}, attitude: {LAWS['follow']}",
-    f"{CURVES['waypoints']}, attitude: {LAWS['point_at']}",
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("path", "frame"),
+    [
+        (f"{LINE}, attitude: {LAWS['slerp']}", "spacecraft"),
+        (f"{CURVES['arc']}, attitude: {LAWS['follow']}", "base"),
+        (f"{CURVES['waypoints']}, attitude: {LAWS['point_at']}", "spacecraft"),
+    ],
+)
 def test_a_path_in_a_frame_moves_with_it(path: str, frame: str, folder: Path) -> None:
     """Roll about an axis that points is settled by inertial axes, whatever the frame."""
     ur5 = (

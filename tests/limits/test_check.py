@@ -11,7 +11,7 @@ from freefloat.errors import InputError
 from freefloat.io.formats.trajectory import Trajectory
 from freefloat.limits.check import LimitChecker, check_limits
 from freefloat.limits.limits import Limits
-from freefloat.limits.result import LimitResult, needed_stretch, rounded_up
+from freefloat.limits.result import needed_stretch
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.motion import Ending
 from freefloat.paths.time_laws import TimeLaw
@@ -26,7 +26,6 @@ from tests.prismatic import (
     prismatic_motion,
     prismatic_problem,
     prismatic_robot,
-    shape_text,
 )
 
 assert_close = partial(np.testing.assert_allclose, rtol=0)
@@ -160,16 +159,6 @@ def test_each_limit_violated_alone():
         assert untimed == (["clearance"] if name == "clearance" else [])
 
 
-def test_contact_is_violated_even_where_no_distance_is_asked_for():
-    ball = shape_text('<sphere radius="0.6"/>')
-    motion = prismatic_motion(prismatic_robot(shape_text('<box size="1 1 1"/>'), ball))
-    result = result_of(motion, Limits(clearance=0.0), "clearance")
-    assert_close(result.worst, -0.1, atol=1e-6)
-    assert result.where == "bus - hand"
-    assert (result.kept, result.at_least) == (False, True)
-    assert result.ratio == np.inf
-
-
 @pytest.mark.parametrize("name", ["joint_rate", "base_rate", "joint_torque"])
 def test_the_stretched_motion_just_keeps_the_limit(name):
     """Without momentum: integrated again with the longer duration, the limit is used up to 1e-6."""
@@ -184,36 +173,6 @@ def test_the_stretched_motion_just_keeps_the_limit(name):
     (result,) = check_limits(longer, Limits(**{name: limits[name]}))
     assert result.kept
     assert_close(result.ratio, 1.0, atol=1e-6)
-
-
-def test_stretch_is_that_of_the_tightest_limit():
-    def used(ratio, exponent):
-        return LimitResult(limit="", worst=1.0, allowed=1.0, time=0.0, where="", ratio=ratio,
-                           kept=ratio <= 1.0, exponent=exponent)  # fmt: skip
-
-    results = [used(2.0, 1), used(9.0, 2), used(50.0, 0)]
-    assert needed_stretch(results) == 3.0
-    assert needed_stretch(results[:1]) == 2.0
-    assert needed_stretch(results[2:]) == 1.0
-    assert needed_stretch([]) == 1.0
-    for factor, larger in (1.25, 1.25), (1.00004, 1.001), (12.3401, 12.35), (1234.1, 1235.0):
-        assert rounded_up(factor) == larger
-
-
-@pytest.mark.parametrize(("limit", "unit", "allowed", "worst", "options", "sentence"), [
-    ("joint_rate", "rad/s", 0.3, 0.41236, {"exponent": 1}, "at most 0.3 rad/s: 0.4124"),
-    ("joint_rate", "rad/s", 0.3, -0.41236, {"exponent": 1}, "at least -0.3 rad/s: -0.4124"),
-    ("joint_range", "rad", -1.0, -2.0, {"at_least": True}, "at least -1 rad: -2"),
-    ("base_turn", "rad", np.pi / 2.0, np.pi, {}, "at most 90 deg: 180"),
-    ("corridor", "m", 0.123456, 0.0, {}, "at most 0.12346 m: 0"),
-])  # fmt: skip
-def test_results_are_sentences(limit, unit, allowed, worst, options, sentence):
-    result = LimitResult(limit=limit, worst=worst, allowed=allowed, unit=unit, time=2.0,
-                         where="q1", kept=False, ratio=3.0, **options)  # fmt: skip
-    assert result.sentence == sentence
-    name = limit.replace("_", " ")
-    for when, words in ("", ""), ("at t = 2 s", " at t = 2 s"):
-        assert result.violation(when) == f"the {name} of q1 is violated{words}, {sentence}"
 
 
 def test_rates_and_torques_towards_a_singularity_have_no_bound(spatial):

@@ -2,24 +2,20 @@
 
 import re
 from functools import partial
-from itertools import product
 
 import numpy as np
 import pytest
 
 import freefloat as ff
 from freefloat.errors import ModelError
-from freefloat.limits.clearance import TOLERANCE, clearance
+from freefloat.limits.clearance import clearance
 from freefloat.limits.collision import collision_shapes
-from freefloat.limits.levers import frame_levers, joint_levers
+from freefloat.limits.levers import joint_levers
 from freefloat.limits.pairs import CollisionPairs
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.robot.shapes import Sphere
-from freefloat.scene.scene import Scene
-from freefloat.scene.scene_body import SceneBody
 from tests.errors import error_key
 from tests.prismatic import RELATIVE, prismatic_motion, prismatic_robot, shape_text
-from tests.robots import inertial_text, joint_text, link_text, random_robot
+from tests.robots import joint_text, link_text, random_robot
 
 assert_close = partial(np.testing.assert_allclose, rtol=0)
 BOX = '<box size="1 1 1"/>'
@@ -31,16 +27,6 @@ def mast(x, z, size=0.02, kind="F"):
     joint = joint_text("mast_joint", kind, "bus", "mast", f"{x} 0 {z}")
     shape = shape_text(f'<box size="{size} {size} {size}"/>')
     return joint + f'<link name="mast">{shape}</link>'
-
-
-class CountingPairs(CollisionPairs):
-    """Pairs with the number of distances that were computed."""
-
-    count = 0
-
-    def distances(self, joints, pairs, *pose):
-        self.count += len(pairs)
-        return super().distances(joints, pairs, *pose)
 
 
 def prismatic(bus=CUBE, hand=BALL, more=""):
@@ -87,19 +73,6 @@ def test_distances_change_no_faster_than_the_levers_say(seed):
         levers = joint_levers(pairs, np.maximum(np.abs(q), np.abs(q + step)))
         change = np.abs(pairs.distances(q + step, everything) - pairs.distances(q, everything))
         assert (change <= levers @ np.abs(step) + 1e-6).all()
-
-
-def test_deciding_only_agrees_with_few_distances():
-    """The end-effector passes at 0.2 m over all the width of the box; first 25 places are tried."""
-    motion = prismatic(more=mast(1.4, 0.3))
-    pairs = CountingPairs(motion.problem.model)
-    distance = clearance(motion, pairs).distance
-    counts = [pairs.count]
-    decide = partial(clearance, motion, pairs, decide_only=True)
-    assert decide(distance + TOLERANCE).distance < distance + TOLERANCE
-    counts.append(pairs.count)
-    assert decide(distance - TOLERANCE).distance >= distance - TOLERANCE
-    assert (np.diff([0, *counts, pairs.count]) <= [350, 54, 325]).all()
 
 
 @pytest.mark.parametrize("offset", [9e-5, -9e-5])
@@ -211,87 +184,3 @@ def test_shapes_that_cannot_be_read_are_refused(geometry):
     model = FreeFloatingModel.from_urdf(prismatic_robot(CUBE, shape_text(geometry)), "hand")
     with pytest.raises(ModelError):
         collision_shapes(model)
-
-
-NAMES = ["bus", "a", "b", "c", "d", "far"]
-CENTRES = [0.0, 0.1, 0.0, 0.5, 0.2, 0.0]
-"""Of thin rods of 0.3 m along the x axes of the links, and of a ball beside them [m]."""
-BESIDE = SceneBody("far", Sphere(0.1), [0.0, 0.0, 9.0])
-
-
-def plane_arm(bus=0.0, kind="C"):
-    """An arm in the plane, stretched along x at zero; its third joint is prismatic."""
-    text = ""
-    for name, x in zip(NAMES, [bus, *CENTRES[1:5]], strict=False):
-        shape = shape_text('<box size="0.3 0.002 0.002"/>', f"{x} 0 0")
-        text += link_text(name, inertial_text(1.0, np.eye(3)) + shape)
-    for k, (x, sort) in enumerate(zip((0.7, 0.6, 0.5, 0.4), (kind, "C", "P", "C"), strict=True)):
-        axis = "1 0 0" if sort == "P" else "0 0 1"
-        text += joint_text(f"j{k}", sort, *NAMES[k : k + 2], f"{x} 0 0", "0 0 0", axis, (-1, 1))
-    return FreeFloatingModel.from_urdf(f'<robot name="arm">{text}</robot>', "d")
-
-
-@pytest.fixture(scope="module")
-def pairs():
-    return CollisionPairs(plane_arm(), scene=Scene([BESIDE]))
-
-
-def bodies_of(pairs):
-    return [[NAMES.index(link) for link in pairs.links(k)] for k in range(len(pairs.pairs))]
-
-
-@pytest.mark.parametrize("bus", [0.0, 5.0])
-def test_levers_are_the_largest_distances_from_the_axes(bus):
-    """Of the nearer of two shapes; attained where the arm is stretched or folded."""
-    model, stroke, far = plane_arm(bus), 0.8, np.zeros((4, 5))
-    rods = np.add.outer([bus, *CENTRES[1:5]], [-0.15, 0.15])
-    pairs = CollisionPairs(model, scene=Scene([BESIDE]))
-    for first, second, last in product([0.0, np.pi], repeat=3):
-        poses = model.body_poses([0.0, 0.0, 0.0, 1.0], np.array([first, second, stroke, last]))
-        for k, link in product(range(4), range(5)):
-            place = poses[link].position[0] - poses[k + 1].position[0]
-            ends = place + poses[link].rotation[0, 0] * rods[link]
-            far[k, link] = max(far[k, link], np.abs(ends).max())
-    levers = joint_levers(pairs, np.full(4, stroke))
-    for (first, second), row in zip(bodies_of(pairs), levers, strict=True):
-        moved = np.array([first <= k < second < 5 for k in range(4)])
-        expected = [far[k, [first, second % 5]].min() if k != 2 else 1.0 for k in range(4)]
-        assert_close(row, moved * expected, atol=2e-5)
-
-
-def test_frames_move_shapes_by_their_translation_and_radius(pairs):
-    """Links that a joint connects are no pairs."""
-    own = [[0, 2], [0, 3], [0, 4], [1, 3], [1, 4], [2, 4]]
-    assert bodies_of(pairs) == own + [[link, 5] for link in range(5)]
-    radii = np.append(np.abs(CENTRES[:5]) + 0.15, 0.1 * np.sqrt(3.0))  # of a cube around the ball
-    levers, (centres, sizes) = frame_levers(pairs).reshape(-1, 2, 6), pairs.spheres
-    for k, bodies in enumerate(bodies_of(pairs)):
-        expected = np.zeros((2, 6))
-        if bodies[1] == 5:
-            expected[:, bodies] = [1.0, 1.0], radii[bodies]
-        assert_close(levers[k], expected, atol=2e-5)
-        assert_close(centres[k], np.outer(np.take(CENTRES, bodies), [1, 0, 0]), atol=1e-12)
-        assert_close(sizes[k], np.where(np.equal(bodies, 5), radii[5], 0.15), atol=2e-5)
-
-
-@pytest.mark.parametrize(("kind", "reached"), [("R", 0.5507), ("C", 1.149)])
-def test_pairs_too_near_in_the_whole_range_of_the_joints_are_left_out(kind, reached):
-    """A rod on the spacecraft, and the second link, which a joint of one radian keeps beside it."""
-    near, far = (CollisionPairs(plane_arm(1.4, kind), reached + d) for d in (0.005, -0.005))
-    assert (near.left_out, far.left_out) == (("bus - b: always too near",), ())
-    assert bodies_of(near) == bodies_of(far)[1:]
-    assert error_key(CollisionPairs, plane_arm(1.4, kind), 9.0) == "limits.clearance"
-
-
-@pytest.mark.parametrize("gap", [0.3, 0.0, -0.05])
-def test_directions_lead_from_the_first_to_the_second_shape(pairs, gap):
-    """The ball beside the last rod: apart, touching, overlapping."""
-    below, rod, q = 0.9, 0.001, np.zeros(4)
-    chosen = np.array([bodies_of(pairs).index(bodies) for bodies in ([0, 2], [2, 4], [4, 5])])
-    placed = np.eye(3)[None, None], np.array([[[2.4, rod + gap + 0.1, 0.0]]])
-    below, rows = np.full(3, below), np.zeros(3, np.int64)
-    distances, normals, points = pairs.nearest(q[None], rows, chosen, placed, below)
-    assert_close(distances, [1.0, 0.8, gap], atol=1e-6)
-    assert_close(normals, [[0, 0, 0], [1, 0, 0], [0, 1, 0]], atol=1e-5)
-    assert_close(points[:2, :, 0], [[0, 0], [1.45, 2.25]], atol=1e-6)
-    assert_close(points[2], [[2.4, rod, 0], [2.4, rod + gap, 0]], atol=1e-5)

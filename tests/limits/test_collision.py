@@ -37,19 +37,13 @@ COMB = cuboids(*(([x, 0, 0], [x + 0.3, 3, 1]) for x in range(9)), ([0, 0, 0], [8
 ANGLED = cuboids(([0, 0, 0], [3, 1, 1]), ([2, 1, 0], [3, 3, 1]))
 
 
-@pytest.mark.parametrize("axis", range(3))
-@pytest.mark.parametrize("fraction", [0.2, 0.35, 0.5, 0.65, 0.8])
+@pytest.mark.parametrize(("axis", "fraction"), [(0, 0.2), (1, 0.5), (2, 0.65)])
 def test_a_step_is_cut_beside_its_edge(axis, fraction):
     """Air remains in a wedge between edge and cut, wherever the mesh is."""
     edge, height = fraction - 0.01, 0.43
     triangles = 2.0 * np.roll(step(edge, height), axis, axis=2) + np.array([1.0, 2.0, 3.0])
     solid, air = edge + (1.0 - edge) * height, 0.01 * (1.0 - height) / 2.0
     assert volume(convex_parts(triangles, 2)) == pytest.approx(8.0 * (solid + air), abs=1e-9)
-
-
-def test_a_mesh_is_cut_where_that_saves_three_percent():
-    """The cut saves (1 - height) / 4 of a hull of 1 - 0.255 (1 - height)."""
-    assert [len(convex_parts(step(0.49, height))) for height in (0.887, 0.88)] == [1, 2]
 
 
 def test_shapes_are_those_of_all_links_and_bodies(tmp_path):

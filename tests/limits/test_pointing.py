@@ -21,7 +21,6 @@ from freefloat.motion.motion import Motion
 from freefloat.motion.pointing import AttitudeLimits, PointingLimit
 from freefloat.so3 import angle_between, heading_quaternion
 from tests.errors import error_key
-from tests.lock_step import plain_kernels
 
 SCENARIOS = ["spatial_6dof/line", "ets_vii/reach", "planar_3dof/parabola_nonstop"]
 
@@ -131,17 +130,6 @@ def test_a_turn_through_half_a_revolution_is_one_of_180_degrees() -> None:
     np.testing.assert_allclose(result.slacks[through, -1], -np.cos(np.radians(89.0)), atol=1e-12)
 
 
-@pytest.mark.slow
-def test_plain_and_compiled_kernels_agree() -> None:
-    problem = ff.load_scenario("planar_3dof/parabola_nonstop").problem()
-    limits, (attitudes, joints) = limits_of(problem.model), starts(problem, 4)
-    integrator = EnsembleIntegrator(problem, 1, limits=limits, tolerance=1e-3)
-    compiled = integrator.integrate(attitudes, joints)
-    with plain_kernels():
-        plain = integrator.integrate(attitudes, joints)
-    np.testing.assert_allclose(plain.slacks, compiled.slacks, atol=1e-9)
-
-
 def test_an_axis_on_the_wrist_is_followed_along_every_branch() -> None:
     """Wrist-flipped branches have the same motion, but not of the bodies in the wrist."""
     problem = ff.load_scenario("spatial_6dof/line").problem()
@@ -168,14 +156,6 @@ def test_a_spatial_plan_keeps_limits_that_the_largest_margin_violates() -> None:
     endings = plan.map.to_dict()["endings"]
     assert endings["limited"] > 0
     assert endings["completed"] > 0
-
-
-@pytest.mark.slow
-def test_a_reason_states_the_last_singularity_beside_their_number() -> None:
-    problem = ff.load_scenario("ur5_servicer/arc").problem()
-    reason = ff.plan(problem, ff.Search(samples=64), Limits(base_turn=0.02)).reason
-    assert "% end in a singularity, at the latest at t = 30.36 s: boundary of reach" in reason
-    assert "; 17.2 % violate a limit of pointing or turn" in reason
 
 
 @pytest.mark.parametrize(("change", "key"), [

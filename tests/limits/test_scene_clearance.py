@@ -1,7 +1,6 @@
 """Distances between a robot and a scene along a motion: closed forms, MuJoCo, fine sampling."""
 
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -10,7 +9,7 @@ from scipy.optimize import minimize_scalar
 from scipy.spatial.transform import Rotation
 
 from freefloat.io.scenario.scenario import load_scenario
-from freefloat.limits.clearance import _frame_path_lengths, _path_lengths, clearance
+from freefloat.limits.clearance import clearance
 from freefloat.limits.contact import deepest_contact
 from freefloat.limits.pairs import CollisionPairs
 from freefloat.motion.integration import integrate_motion
@@ -18,9 +17,8 @@ from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.parts import Payload
 from freefloat.robot.shapes import Box, Cylinder, Sphere
 from freefloat.scene.scene import Scene
-from freefloat.scene.scene_body import EndEffectorPoses, SceneBody
+from freefloat.scene.scene_body import SceneBody
 from freefloat.scene.tumbling import Tumbling
-from tests.limits.test_clearance import CountingPairs
 from tests.prismatic import LENGTH, prismatic_motion, prismatic_robot, shape_text
 
 START = 0.9
@@ -35,9 +33,9 @@ def prismatic(*bodies, **options):
 
 
 def nearest_of(motion):
-    pairs = CountingPairs(motion.problem.model, scene=motion.problem.scene)
+    pairs = CollisionPairs(motion.problem.model, scene=motion.problem.scene)
     nearest = clearance(motion, pairs)
-    return nearest.distance, pairs.name(nearest.pair), nearest.time, pairs.count
+    return nearest.distance, pairs.name(nearest.pair), nearest.time
 
 
 ABOVE = START + 0.6 * LENGTH
@@ -54,15 +52,15 @@ def test_the_distance_of_a_fixed_body_is_exact(shape, axes, gap):
     """The spacecraft recoils, the body does not: the axes are inertial."""
     body = SceneBody("client", shape, [ABOVE, 0.0, 0.5], axes)
     motion = prismatic(body)
-    distance, name, time, _ = nearest_of(motion)
+    distance, name, time = nearest_of(motion)
     assert name == "hand - client"
     assert distance == pytest.approx(gap - RADIUS, abs=1e-6)
     along = START + LENGTH * motion.problem.path.timing.s(time)
     assert along == pytest.approx(ABOVE, abs=0.11)
 
 
-@pytest.mark.parametrize(("rate", "count"), [(1.3, 470), (40.0, 4300)])
-def test_the_distance_of_a_rotating_body_is_exact(rate, count):
+@pytest.mark.parametrize("rate", [1.3, 40.0])
+def test_the_distance_of_a_rotating_body_is_exact(rate):
     """A ball circles about its centre of mass; the closest approach of two moving points.
 
     The faster one makes turns between the places at which distances are looked at first.
@@ -79,10 +77,9 @@ def test_the_distance_of_a_rotating_body_is_exact(rate, count):
 
     coarse = min(np.linspace(0.0, 20.0, 8001), key=distance)
     exact = minimize_scalar(distance, bounds=(coarse - 0.01, coarse + 0.01), method="bounded")
-    found, _, time, computed = nearest_of(motion)
+    found, _, time = nearest_of(motion)
     assert found == pytest.approx(exact.fun, abs=1e-6)
     assert time == pytest.approx(exact.x, abs=1e-3)
-    assert computed <= count
 
 
 def test_links_that_may_touch_are_left_out():
@@ -132,7 +129,6 @@ def random_scene(rng):
     ))  # fmt: skip
 
 
-SPATIAL = ("spatial_6dof/line", [0.46008, 0.09337, 0.73519, -0.48898], 2)
 PANDA = ("panda_servicer/line", [0.0, 0.0, 0.0, 1.0], 1)
 
 
@@ -150,34 +146,6 @@ def test_fine_sampling_finds_nothing_nearer():
     nearest = clearance(motion, pairs)
     assert pairs.name(nearest.pair) == "spacecraft - client"
     assert sampled.min() - 5e-3 <= nearest.distance <= sampled.min() + 1e-8
-
-
-def test_bounds_of_path_lengths_hold_and_are_nearly_attained():
-    """Of frames and joints, in four pieces of every part; that of a tumbling body is less tight."""
-    motion = motion_of(*SPATIAL, random_scene(np.random.default_rng(1)))
-    problem, parts = motion.problem, 16 * motion.panels
-    edges, u = (np.linspace(0.0, motion.panels, count * parts + 1) for count in (1, 4))
-    states = list(zip(*motion.evaluate(u), strict=True))
-    targets = [motion.law.target(*state) for state in states]
-    poses = [
-        [
-            *problem.model.body_poses(a, q),
-            *problem.scene.poses(t, problem.path, EndEffectorPoses.on(target)),
-        ]
-        for (t, a, q), target in zip(states, targets, strict=True)
-    ]
-    steps = np.diff([[pose.position for pose in row] for row in poses], axis=0)
-    turns = [Rotation.from_matrix([pose.rotation for pose in row]) for row in poses]
-    angles = [(before.inv() * after).magnitude() for before, after in pairwise(turns)]
-    joints = np.abs(np.diff([q for _, _, q in states], axis=0))
-    lengths = np.hstack([np.linalg.norm(steps, axis=2), angles, joints])
-    frames = _frame_path_lengths(motion, problem.scene, edges)
-    bounds = np.hstack([frames, _path_lengths(motion.coefficients[:, :, 5:], 1)])
-    pieces = np.diff([np.interp(u, edges, bound) for bound in bounds.T], axis=1).T
-    assert (lengths <= pieces + 1e-12).all()
-    loose = np.full(bounds.shape[1], 1.03)
-    loose[[frames.shape[1] // 2 - 1, frames.shape[1] - 1]] = 1.6
-    assert (bounds[-1] <= loose * lengths.sum(axis=0) + 1e-7).all()
 
 
 def test_a_held_body_is_the_shape_of_its_payload():

@@ -11,15 +11,10 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 import freefloat as ff
-from freefloat.beyond.missions.goals import attitude_kernel, joint_paths
-from freefloat.beyond.missions.goals.clearances import Clearances
-from freefloat.beyond.missions.goals.joint_paths import Ends, JointPaths
-from freefloat.beyond.missions.goals.placements import PlacedArm
 from freefloat.dynamics.momentum import inertia_matrices
 from freefloat.dynamics.tasks import Task
 from freefloat.motion.joint_spline import JointSpline
 from tests.errors import error_key
-from tests.lock_step import sources
 from tests.robots import inertial_text, joint_text, link_text
 
 START = [0.0, 0.8, -1.2, 0.0, 0.6, 0.0]
@@ -51,46 +46,6 @@ def attitude_at_end(system: ff.System, motion: Any) -> Any:
 
     options = {"rtol": 1e-9, "atol": 1e-10, "method": "LSODA", "max_step": T / 32}
     return solve_ivp(change, (0.0, T), np.eye(3).ravel(), **options).y[:, -1].reshape(3, 3)
-
-
-def test_attitudes_along_a_path_and_their_derivatives(model: ff.FreeFloatingModel) -> None:
-    rng, n = np.random.default_rng(1), model.dof
-    paths = JointPaths(Ends(np.array(START), np.full(n, 0.01), None, None))
-    unknowns = np.append(rng.normal(size=paths.size - 1), 20.0)
-    arm, momenta = PlacedArm.of(model), np.array([[0.5, -0.3, 0.2], [0.1, 0.0, 0.2]])
-    still = paths.course(arm, unknowns, np.eye(3), 0.0 * momenta)
-    joints = paths.gauss[0] @ paths.control_points(unknowns)
-    attitudes = np.tile([0.0, 0.0, 0.0, 1.0], (len(joints), 1))
-    omega = ff.System(model).base_rate(attitudes, joints, still.rates)
-    assert still.omega == pytest.approx(omega, abs=1e-12)
-    cases = 3 * [(0.0, 1e-7), (1.0, 0.02)]
-    for column, (loaded, tolerance) in zip(rng.choice(paths.size, 6), cases, strict=True):
-        step, h = 1e-5 * np.eye(paths.size)[column], loaded * momenta
-        ends = [
-            paths.course(arm, unknowns + side, np.eye(3), h, 0).attitudes[-1]
-            for side in (-step, step)
-        ]
-        turn = Rotation.from_matrix(ends[0].T @ ends[1]).as_rotvec() / 2e-5
-        turns = paths.course(arm, unknowns, np.eye(3), h).turns
-        assert turn == pytest.approx(turns[-1, :, column], rel=tolerance, abs=tolerance)
-
-
-def test_plain_and_compiled_kernels_agree(model: ff.FreeFloatingModel) -> None:
-    """Attitudes with their derivatives along a path, and frames of the bodies."""
-    rng, n = np.random.default_rng(1), model.dof
-    paths = JointPaths(Ends(np.array(START), np.full(n, 0.01), None, None), fineness=1)
-    unknowns = np.append(rng.normal(size=paths.size - 1), 20.0)
-    momenta = np.array([[0.5, -0.3, 0.2], [0.1, 0.0, 0.2]])
-
-    def computed() -> tuple[Any, ...]:
-        course = paths.course(PlacedArm.of(model), unknowns, np.eye(3), momenta)
-        return course.attitudes, course.turns
-
-    compiled = computed()
-    with sources(attitude_kernel, joint_paths):
-        plain = computed()
-    for one, other in zip(compiled, plain, strict=True):
-        np.testing.assert_allclose(one, other, atol=1e-10)
 
 
 @pytest.mark.slow
@@ -217,41 +172,6 @@ def test_arms_with_parallel_axes_in_their_own_frames_leave_the_plane() -> None:
     assert (result.feasible, result.problem.task) == (True, Task.POSITION)
 
 
-def test_derivatives_of_clearances_and_of_the_end(model: ff.FreeFloatingModel) -> None:
-    """They are those of differences: distances of self and scene, pose and twist of the end."""
-    from freefloat.beyond.missions.goals.goal_motion import goal_problem
-    from freefloat.limits.check import LimitChecker
-
-    tumbling = ff.Tumbling(inertia=[9.0, 7.0, 4.0], rate=[0.0, 0.0, 0.1])
-    body = ff.SceneBody("ball", ff.Sphere(0.2), [1.9, 0.0, 0.8], motion=tumbling)
-    scene, joints = ff.Scene([body]), np.array([0.3, 0.9, -1.05, 0.4, 0.85, 0.3])
-    goal = ff.Goal(joints=joints, duration=10.0)
-    problem = goal_problem(ff.System(model), np.array(STATE[0]), joints, goal, scene)
-    pairs = LimitChecker(problem, ff.Limits(clearance=0.0)).pairs
-    clearances, n = Clearances(problem, pairs, 0.05), model.dof
-    paths = JointPaths(Ends(joints, np.zeros(n), None, np.zeros(n)), fineness=1)
-    unknowns = np.append(np.zeros(paths.size - 1), 10.0)
-    unknowns[-n - 1 : -1] = joints + 0.02
-    target = ff.Goal(POSE, frame="ball").target(problem, np.array(STATE[0]), joints)
-
-    def values(z: Any) -> Any:
-        course = paths.course(PlacedArm.of(model), z, np.eye(3), np.zeros((2, 3)))
-        amounts = clearances.violations(paths, course).amounts
-        return np.append(target.error(paths, course), amounts[amounts > 0.0].sum())
-
-    course = paths.course(PlacedArm.of(model), unknowns, np.eye(3), np.zeros((2, 3)))
-    found = clearances.violations(paths, course)
-    lacking = found.jacobian(paths, course)[found.amounts > 0.0]
-    assert len(lacking) > 3
-    slopes = np.vstack([target.linearized(paths, course)[1], lacking.sum(axis=0)])
-    rng = np.random.default_rng(0)
-    for column in rng.choice(paths.size - 1, 5):
-        step = 1e-3 * np.eye(paths.size)[column]
-        difference = (values(unknowns + step) - values(unknowns - step)) / 2e-3
-        assert slopes[:-1, column] == pytest.approx(difference[:-1], rel=1e-3, abs=1e-4)
-        assert slopes[-1, column] == pytest.approx(difference[-1], rel=0.02, abs=0.1)
-
-
 @pytest.mark.slow
 def test_a_reorientation_keeps_cones_and_torques() -> None:
     """A goal with an attitude, and the joints back."""
@@ -268,11 +188,3 @@ def test_a_reorientation_keeps_cones_and_torques() -> None:
     states = result.motion.sample(np.linspace(0.0, result.duration, 50))
     torques = [effort(x.time, x.attitude, x.joints).joint_torques for x in states]
     assert np.abs(torques).max() <= 0.05 * (1.0 + 1e-6)
-
-
-def test_one_number_limits_the_rates_of_all_joints() -> None:
-    system = ff.load_scenario("planar_2dof/line").problem().system
-    state, goal = ([0.0, 0.0, 0.0, 1.0], [0.2, 0.8]), ff.Goal(joints=[0.6, 0.9])
-    one, each = (ff.move(system, state, goal, ff.Limits(joint_rate=r)) for r in (0.3, [0.3, 0.3]))
-    assert one.feasible
-    assert one.to_dict() == each.to_dict()

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from contextlib import nullcontext
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
 import freefloat as ff
-from freefloat.beyond.missions.phases import manoeuvre_planner
 from freefloat.beyond.missions.phases.manoeuvre import Manoeuvre
 from freefloat.beyond.missions.phases.state import SystemState
 from freefloat.certificate.certificate import certify
@@ -19,7 +15,6 @@ from freefloat.paths.time_laws import TimeLaw
 from freefloat.planning.motions import branch_at
 from freefloat.rotations import rotation_matrix
 from freefloat.so3 import Pose, angle_between
-from tests.errors import error_key
 
 GRAPPLE = np.array([0.5, 1.2, 0.0])
 SPIN = np.array([0.0, 0.0, 0.02])
@@ -91,17 +86,6 @@ def test_a_captured_body_brings_its_momentum_along(manoeuvre) -> None:
     np.testing.assert_allclose(capture.momentum, 0.1 * SPIN, atol=1e-12)  # its centre is at rest
 
 
-def test_joint_rates_are_handed_on_after_an_impulse(manoeuvre) -> None:
-    """The client spins, the end-effector does not: the joints move after contact."""
-    capture, berth = manoeuvre.phases[2].result, manoeuvre.phases[3].motion
-    assert np.linalg.norm(capture.impulse) > 1e-5
-    assert np.abs(capture.joint_rates).max() > 1e-4
-    step = 1e-3
-    _, _, joints = berth.evaluate(berth.coordinates_at(step * np.arange(3)))
-    rates = np.array([-1.5, 2.0, -0.5]) @ joints / step
-    np.testing.assert_allclose(rates, capture.joint_rates, atol=1e-6)
-
-
 @pytest.mark.parametrize("frame", ["inertial", "spacecraft", "base", "end_effector"])
 def test_a_pose_goal_is_reached_in_its_frame(problem, state: SystemState, frame: str) -> None:
     model, R = problem.model, rotation_matrix(state.attitude)
@@ -127,35 +111,6 @@ def test_a_margin_is_required_of_later_paths(state: SystemState) -> None:
     for factor, feasible in ((0.99, True), (1.01, False)):
         back = ff.PathPhase(BACK, "back", margin=factor * margin)
         assert back.run(state, limits).feasible is feasible
-
-
-def test_a_path_that_begins_elsewhere_is_refused(problem: ff.Problem) -> None:
-    line = ff.paths.PolynomialCurve.line([0.0, 0.0, 0.0], [1.0, 0.0, 0.0])
-    last = ff.PathPhase(ff.TimedPath(ff.EndEffectorPath(line), ff.Timing(10.0)), "last")
-    assert error_key(ff.plan_manoeuvre, problem, [PHASES[1], last]) == "phases.1.path"
-
-
-@pytest.mark.parametrize(("turn", "shift", "limits", "duration", "feasible"), [
-    (0.9e-9, 0.9e-9, LIMITS, None, True), (0.1, 0.0, LIMITS, None, False),
-    (1.2e-9, 0.0, LIMITS, "any", True), (0.0, 1.2e-9, ff.Limits(), 30.0, True),
-])  # fmt: skip
-def test_a_reorientation_is_needed_only_where_the_state_is_another(
-    problem, manoeuvre, monkeypatch, turn, shift, limits, duration, feasible
-) -> None:
-    """It takes as long as the path, which is feasible, where no limit depends on the speed."""
-
-    def arrived(*_: Any, duration: float | None, seed: int, **__: Any) -> None:
-        raise TimeoutError("any" if duration is None else duration, seed)
-
-    monkeypatch.setattr(manoeuvre_planner, "plan", lambda *_, **__: path)
-    monkeypatch.setattr("freefloat.beyond.missions.goals.arrival.arrive", arrived)
-    path, start = replace(manoeuvre.path, feasible=feasible), manoeuvre.path.chosen.motion.initial
-    turned = Rotation.from_quat(start.attitude) * Rotation.from_rotvec([0.0, 0.0, turn])
-    joints = start.joints + np.array([0.0, shift])
-    search = ff.Search("nearest", turned.as_quat(), joints=joints, seed=7)
-    with pytest.raises(TimeoutError, match=f"{duration}.*7") if duration else nullcontext():
-        found = ff.plan_manoeuvre(problem, [PHASES[2]][feasible:], search, limits, reorient=True)
-        assert [phase.kind for phase in found.phases] == ["path"]
 
 
 def test_the_branch_of_a_further_path_is_that_of_its_joints(problem: ff.Problem) -> None:

@@ -10,13 +10,12 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import freefloat as ff
-from freefloat.attitude_grids import attitude_grid
 from freefloat.beyond.engines.mujoco import forward_run, inverse_run
 from freefloat.beyond.engines.mujoco_model import MuJoCoModel
-from freefloat.ensemble.ensemble import EnsembleIntegrator
 from freefloat.so3 import angle_between, heading_quaternion
 from tests.errors import error_key
 from tests.motions import GOOD, bundled
+from tests.robots import pin_configuration
 
 SPATIAL, PLANAR = "spatial_6dof/line", "planar_3dof/parabola_nonstop"
 DRIFT = {SPATIAL: np.array([0.002, 0.001, -0.0015]), PLANAR: np.array([-0.01, 0.006, 0.0])}
@@ -38,12 +37,10 @@ def start_of(problem: ff.Problem, attitude: np.ndarray, branch: int = 0) -> ff.M
 
 
 def _configuration(model: pin.Model, state: np.ndarray) -> np.ndarray:
-    """Pinocchio's configuration; that of a continuous joint is a cosine and a sine."""
-    attitude, q = state[3:7] / np.linalg.norm(state[3:7]), [*state[:3]]
-    q += attitude.tolist()
-    for joint, angle in zip(list(model.joints)[2:], state[7:], strict=True):
-        q += [np.cos(angle), np.sin(angle)] if joint.nq == 2 else [angle]
-    return np.array(q)
+    """Pinocchio's configuration."""
+    q = pin_configuration(model, dict(zip([*model.names][2:], state[7:], strict=True)))
+    q[:7] = *state[:3], *(state[3:7] / np.linalg.norm(state[3:7]))
+    return q
 
 
 @pytest.mark.parametrize("momentum", [False, True])
@@ -85,30 +82,6 @@ def test_motions_agree_with_an_integration_in_the_fixed_frame(name: str, momentu
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("momentum", [False, True])
-@pytest.mark.parametrize("name", [SPATIAL, PLANAR])
-def test_ensembles_and_precise_motions_agree(name: str, momentum: bool) -> None:
-    problem = problem_of(name, momentum)
-    attitudes = attitude_grid(48)
-    if problem.task.planar:
-        attitudes = heading_quaternion(np.linspace(0.0, 6.0, 24))
-    branches = problem.many_branches(attitudes)
-    starts = attitudes[np.nonzero(branches.exist)[0]], branches.joints[branches.exist]
-    assert compared_with_precise(problem, *starts) > 3
-
-
-def compared_with_precise(problem: ff.Problem, attitudes: np.ndarray, joints: np.ndarray) -> int:
-    """Compare at most five compiled motions that complete with precise ones; their number."""
-    result = EnsembleIntegrator(problem, 1, tolerance=1e-9).integrate(attitudes, joints)
-    completed = np.flatnonzero(result.endings == 0)[:5]
-    for k in completed:
-        precise = ff.integrate_motion(problem, attitudes[k], joints[k])
-        assert angle_between(precise.final.attitude, result.attitudes[k]) < 1e-6
-        np.testing.assert_allclose(precise.final.joints, result.joints[k], atol=1e-6)
-    return len(completed)
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("name", [SPATIAL, PLANAR])
 def test_mujoco_ends_at_the_same_place_of_the_fixed_frame(name: str) -> None:
     problem = problem_of(name, momentum=True)
@@ -140,19 +113,3 @@ def test_a_fixed_point_is_held() -> None:
 
 def _upright() -> ff.paths.FixedOrientation:
     return ff.paths.FixedOrientation(np.eye(3))
-
-
-def test_poses_and_twists_of_a_path_are_relative_to_the_centre_of_mass() -> None:
-    path = problem_of(SPATIAL).path
-    h = 1e-4
-    for t in (10.0, 55.0):
-        change = (path.pose(t + h).position - path.pose(t - h).position) / (2.0 * h)
-        np.testing.assert_allclose(path.twist(t)[:3], change, atol=1e-9)
-        np.testing.assert_allclose(
-            path.prescribed_between(0.0, 100.0)(t)[0], path.twist(t), atol=1e-15
-        )
-        s = path.timing.s(t)
-        assert path.timing.time_at(s) == pytest.approx(t, abs=1e-9)
-        np.testing.assert_allclose(path.pose_at(s).position, path.pose(t).position, atol=1e-12)
-    np.testing.assert_array_equal(path.twist(0.0)[:3], -path.drift)
-    assert [path.timing.time_at(s) for s in (0.0, 1.0)] == [0.0, 100.0]

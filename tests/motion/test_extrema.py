@@ -8,7 +8,7 @@ import pytest
 
 import freefloat as ff
 from freefloat.dynamics.measures import KEYS, SingularityMeasure
-from freefloat.motion.extrema import at_nodes, first_crossing, joint_extents, maximum, unwrapped
+from freefloat.motion.extrema import joint_extents, unwrapped
 from freefloat.motion.motion import Ending
 from tests.motions import BAD, GOOD, bundled, heading, simulated
 from tests.prismatic import RELATIVE, prismatic_motion, prismatic_robot
@@ -27,16 +27,10 @@ def near(spatial):
 def motions(spatial, planar, near):
     return {
         "near": near,
-        "far": simulated(spatial, GOOD, 0),
         "singular": simulated(spatial, BAD, 2),
-        "planar": simulated(planar, heading(161.03), 0),
         "planar singular": simulated(planar, heading(140.0), 0),
         "planar close": simulated(planar, heading(140.0), 1),
     }
-
-
-def largest(motion, f):
-    return maximum(at_nodes(motion, f), f)
 
 
 @pytest.fixture(scope="module")
@@ -57,7 +51,7 @@ def brute_force(motion, measure):
 
 
 @pytest.mark.parametrize("name", KEYS)
-@pytest.mark.parametrize("key", ["near", "far", "planar", "planar close"])
+@pytest.mark.parametrize("key", ["near", "planar close"])
 def test_closest_approach_agrees_with_brute_force(motions, key, name):
     """To seven digits, and never above."""
     motion = motions[key]
@@ -96,7 +90,7 @@ def times_inside(motion):
     return ends[:-1] + np.diff(ends) * (np.arange(1, len(ends)) * 0.6180339887 % 1.0)
 
 
-@pytest.mark.parametrize("depth", [1e-5, 1e-7, 1e-9])
+@pytest.mark.parametrize("depth", [1e-5, 1e-9])
 def test_sign_change_between_nodes_is_distinguished_from_a_minimum(near, depth):
     """A minimum of -d between two nodes is a change of sign, one of +d is not."""
     for t in times_inside(near)[2::3]:
@@ -127,8 +121,9 @@ def test_the_first_of_two_sign_changes_counts(near, first):
         assert abs(passed - rolls[0]) == pytest.approx(np.sqrt(depths[0]), rel=1e-3)
 
 
-@pytest.mark.parametrize("fraction", [0.1, 0.4, 0.6, 0.9])
-@pytest.mark.parametrize("first", [True, False])
+@pytest.mark.parametrize(
+    ("fraction", "first"), [(0.1, True), (0.6, True), (0.4, False), (0.9, False)]
+)
 def test_a_minimum_near_either_end(near, fraction, first):
     """A motion may begin just before its closest approach or end just after it."""
     low, high = near.node_coordinates[:2] if first else near.node_coordinates[-2:]
@@ -141,8 +136,9 @@ def test_a_minimum_near_either_end(near, fraction, first):
     assert result.value == pytest.approx(1e-3, rel=1e-7)
 
 
-@pytest.mark.parametrize("fraction", [0.95, 0.5, 1e-4])
-@pytest.mark.parametrize("name", KEYS)
+@pytest.mark.parametrize(
+    ("name", "fraction"), [("gjm", 0.95), ("arm", 0.5), ("system", 1e-4), ("sigma", 1e-4)]
+)
 def test_a_motion_stops_exactly_at_the_margin(spatial, name, fraction):
     """|S| = S0 at the end, and S0 or more before it."""
     measure = ff.singularity_measure(spatial.model, spatial.task, name)
@@ -176,16 +172,6 @@ def test_a_motion_below_the_margin_at_the_start_ends_there(near):
     assert (motion.ending, motion.panels, motion.final.time) == (Ending.MARGIN, 0, 0.0)
     result = ff.closest_approach(motion, problem.margin.measure)
     assert result.value == pytest.approx(abs(problem.margin.measure(start.joints)))
-
-
-def test_first_crossing_has_the_required_magnitude(near):
-    """The measure equals the magnitude there; None where it never does."""
-    measure = near.problem.margin.measure
-    smallest = ff.closest_approach(near, measure).value
-    for value in (5.03, 6.0, 8.0, abs(measure(near.joints[0])) * 0.999):
-        u = first_crossing(near, measure, value)
-        assert abs(measure(near.evaluate(u)[2][0])) == pytest.approx(value, rel=1e-11)
-    assert first_crossing(near, measure, smallest * (1 - 1e-9)) is None
 
 
 @pytest.fixture(scope="module")

@@ -67,12 +67,6 @@ def test_an_attitude_is_normalized(spatial):
     assert error_key(spatial.attitude, 2.0 * result, key="somewhere") == "somewhere"
 
 
-def test_a_planar_spacecraft_turns_about_z(planar):
-    planar.attitude(heading_quaternion(2.0))
-    with pytest.raises(ff.InputError):
-        planar.attitude([0.6, 0.0, 0.0, 0.8])
-
-
 def test_a_redundant_arm_can_be_asked_for_any_configuration_on_the_path(spatial):
     """Six joints, three coordinates: the configuration given is met, not one of a list."""
     problem = replace(spatial, task=ff.Task.POSITION)

@@ -72,13 +72,6 @@ def test_the_rate_is_the_angular_velocity_of_the_rotation(law):
         assert_close(law.rate(s), angular_velocity(law, s), atol=1e-9)
 
 
-def test_an_orientation_is_always_a_rotation(law):
-    """R^T R = 1 and det R = 1."""
-    for R in map(law.rotation, PLACES):
-        assert_close(R.T @ R, np.eye(3), atol=1e-14)
-        assert np.linalg.det(R) == pytest.approx(1.0, abs=1e-14)
-
-
 def test_a_slerp_goes_from_start_to_end_by_the_shortest_rotation_at_a_constant_rate():
     """R(s) = exp(s phi) R(0), |phi| at most pi."""
     law, phi = LAWS["slerp"], Rotation.from_matrix(END @ START.T).as_rotvec()

@@ -37,29 +37,6 @@ def write(tmp_path):
     return _write
 
 
-@pytest.mark.parametrize("s", [0.0, 0.2, 0.55, 1.0])
-def test_the_tangent_is_the_twist_of_the_pose(s):
-    """[dr/ds; omega] with [omega]x = dR/ds R^T."""
-    curve = ArcCurve([0, 0, 0], [1, 0, 0], [0.0, 0.6, 0.8], 2.0)
-    path = ff.EndEffectorPath(curve, DirectedOrientation.follow(curve, "y", [0.1, 0.6, 0.8]))
-    h = 1e-6
-    before, after = path.pose(s - h), path.pose(s + h)
-    velocity = (after.position - before.position) / (2 * h)
-    angular_velocity = Rotation.from_matrix(after.rotation @ before.rotation.T).as_rotvec() / (
-        2 * h
-    )
-    assert_close(path.tangent(s), [*velocity, *angular_velocity], atol=1e-8)
-
-
-@pytest.mark.parametrize("s", [0.0, 1e-4, 0.2, 0.55, 1.0])
-def test_second_derivative_is_the_derivative_of_the_tangent(s):
-    curve = ArcCurve([0, 0, 0], [1, 0, 0], [0.0, 0.6, 0.8], 2.0)
-    path = ff.EndEffectorPath(curve, DirectedOrientation.follow(curve, "y", [0.4, 0.6, 0.8]))
-    h = 1e-5
-    slope = (path.tangent(s + h) - path.tangent(s - h)) / (2 * h)
-    assert_close(path.second_derivative(s), slope, atol=1e-8 if 0.1 < s < 0.9 else 1e-2)
-
-
 def test_samples_are_passed_by_chord_length(write):
     """Without a column s the path is a spline through x, y, z by chord length."""
     curve, attitude = read_samples(write("x,y,z\n0,0,0\n3,0,0\n3,1,0\n"))

@@ -8,7 +8,6 @@ import pytest
 import freefloat as ff
 from freefloat.attitude_grids import attitude_grid, grid_spacing
 from freefloat.ensemble.endings import SINGULAR
-from freefloat.planning.searches.pattern_search import depths
 from freefloat.planning.space.attitude_map import AttitudeMap, find_regions
 from freefloat.so3 import angle_between
 from tests.maps import branch_results
@@ -46,19 +45,6 @@ def test_counts_of_singular_missing_and_feasible_motions(margin_30: ff.Problem) 
     assert result.feasible_fraction == 0.5
     assert result.feasible_fraction_error == pytest.approx(0.25)
     assert result.motion_fraction == 0.5
-
-
-def test_depths_are_angles_to_the_nearest_attitude_outside() -> None:
-    """Whatever the signs of the quaternions."""
-    rng = np.random.default_rng(4)
-    attitudes = attitude_grid(200) * rng.choice([-1.0, 1.0], (200, 1))
-    inside = angle_between(attitudes, attitudes[0]) < 1.6
-    expected = np.zeros(200)
-    for k in np.flatnonzero(inside):
-        expected[k] = angle_between(attitudes[k], attitudes[~inside]).min()
-    np.testing.assert_allclose(depths(attitudes, inside), expected, atol=1e-9)
-    assert (depths(attitudes, np.full(200, True)) == np.pi).all()
-    assert (depths(attitudes, np.full(200, False)) == 0.0).all()
 
 
 def test_two_balls_are_two_regions(margin_30: ff.Problem) -> None:

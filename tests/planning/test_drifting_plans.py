@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -24,12 +23,6 @@ NAME, DRIFT = "spatial_6dof/line", [0.002, 0.001, -0.0015]
 def drifting(name: str, drift: list[float], **changes) -> ff.Problem:
     problem = bundled(name)
     return replace(problem, path=replace(problem.path, drift=drift), **changes)
-
-
-@cache
-def plan() -> ff.Plan:
-    limits = ff.Limits(joint_rate=np.full(6, 0.2), joint_torque=np.full(6, 5.0))
-    return ff.plan(drifting(NAME, DRIFT), ff.Search(samples=512), limits)
 
 
 @pytest.mark.slow

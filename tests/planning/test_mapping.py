@@ -8,33 +8,7 @@ import pytest
 import freefloat as ff
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.planning.space.attitude_map import AttitudeMap
-from freefloat.planning.space.mapping import bisect, boundary_points, tangent_boundary
-from freefloat.so3 import angle_between, rotated
-
-IDENTITY = np.array([0.0, 0.0, 0.0, 1.0])
-
-
-# bisection
-
-
-def test_bisection_ends_just_inside() -> None:
-    """On geodesics that leave a ball around the identity."""
-    radius, rng = 0.7, np.random.default_rng(3)
-    axes = rng.normal(size=(50, 3))
-    axes /= np.linalg.norm(axes, axis=1)[:, None]
-    within = rotated(IDENTITY, rng.uniform(0.0, 0.69, (50, 1)) * axes)
-    beyond = rotated(IDENTITY, rng.uniform(0.71, 2.3, (50, 1)) * axes)
-    whole = angle_between(within, beyond)
-    edges = bisect(lambda q: angle_between(q, IDENTITY) < radius, within, beyond)
-    short = radius - angle_between(edges, IDENTITY)
-    assert (short > 0.0).all()
-    assert (short <= 8.0**-6 * whole * (1.0 + 1e-9)).all()
-    np.testing.assert_allclose(
-        angle_between(within, edges) + angle_between(edges, beyond), whole, atol=1e-7
-    )
-
-
-# the boundary of the feasible set
+from freefloat.planning.space.mapping import boundary_points, tangent_boundary
 
 
 @pytest.mark.slow

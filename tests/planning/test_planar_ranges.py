@@ -1,12 +1,10 @@
 """Exact ranges of heading: compared with precise motions, and their properties."""
 
-from math import tau
-
 import numpy as np
 import pytest
 
 import freefloat as ff
-from freefloat.planning.plane.arcs import MARGIN, REACH, HeadingRange, branch_ranges
+from freefloat.planning.plane.arcs import MARGIN, REACH
 from freefloat.planning.plane.ranges import find_range_limits, heading_ranges, reach_limits
 from freefloat.so3 import heading_quaternion
 from tests.motions import Z, along, chain
@@ -62,30 +60,3 @@ def test_the_arm_reaches_the_path_from_one_side_of_a_reach_limit(radius):
     for heading in limits:
         sides = (heading_quaternion(heading + offset) for offset in (-1e-6, 1e-6))
         assert {bool(problem.branches(side, 0.0)) for side in sides} == {True, False}
-
-
-@pytest.mark.parametrize(("feasible", "ranges"), [
-    ([True, True, True, False], [(1.0, 5.0, (REACH, REACH))]),
-    ([True, False, False, True], [(5.0, 2.0 + tau, (REACH, MARGIN))]),
-    ([False, True, True, False], [(2.0, 5.0, (MARGIN, REACH))]),
-    ([True, False, True, False], [(1.0, 2.0, (REACH, MARGIN)), (3.0, 5.0, (MARGIN, REACH))]),
-    ([False] * 4, []),
-])  # fmt: skip
-def test_neighbouring_feasible_arcs_are_one_range(feasible, ranges):
-    """Also across zero; ranges are in order, and limits, which are in [0, 2 pi)."""
-    arcs = [HeadingRange(1.0, 2.0, (REACH, MARGIN)), HeadingRange(2.0, 3.0, (MARGIN, MARGIN)),
-            HeadingRange(3.0, 5.0, (MARGIN, REACH)),
-            HeadingRange(5.0, 1.0 + tau, (REACH, REACH))]  # fmt: skip
-    entry = branch_ranges(0, "elbow+", arcs, feasible)
-    assert [(part.low, part.high, part.causes) for part in entry.ranges] == ranges
-    edges = [edge % tau for low, high, _ in ranges for edge in (low, high)]
-    assert entry.limits == pytest.approx(sorted(edges))
-
-
-def test_depth_is_the_distance_to_the_nearer_end():
-    """Positive inside, negative outside, pi in a full circle."""
-    part = HeadingRange(6.0, 7.0, (MARGIN, MARGIN))
-    for heading, depth in ((6.4, 0.4), (7.0, 0.0), (6.9, 0.1), (7.3, -0.3), (5.8, -0.2)):
-        assert part.depth(heading % tau) == pytest.approx(depth, abs=1e-12)
-    assert part.middle == pytest.approx(6.5 % tau)
-    assert HeadingRange(0.0, tau, ()).depth(1.0) == np.pi

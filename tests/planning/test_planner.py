@@ -108,7 +108,6 @@ def on_line(problem, start, end, value):
     ([2.0, 0, 0], [5.0, 0, 0], 5.0),
     ([2.0, 0, 0], [1.5, 1, 0], 400.0),
     ([3.5735, 0, 0], [3.0, 0, 0], 5.0),
-    ([2.0, 0, 0], [-1.5, 1.9, 0], 100.0),
 ])  # fmt: skip
 @pytest.mark.slow
 def test_infeasible_plans_have_the_place_and_the_reason(problem, start, end, value):

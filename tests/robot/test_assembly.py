@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,7 +16,15 @@ import freefloat as ff
 from freefloat.dynamics.momentum import momentum_map
 from freefloat.robot.assembly import assemble
 from freefloat.robot.parts import Attachment, Mount
-from tests.robots import Robot, inertial_text, joint_text, link_text, random_inertia, random_robot
+from tests.robots import (
+    Robot,
+    inertial_text,
+    joint_text,
+    link_text,
+    pin_configuration,
+    random_inertia,
+    random_robot,
+)
 
 CUBE = np.array([35.0, 35.0, 35.0])
 IDENTITY = [0.0, 0.0, 0.0, 1.0]
@@ -155,14 +162,9 @@ def test_an_attached_arm_is_pinocchios_own_sum_of_two_models(seed: int) -> None:
     stance = [*rng.uniform(-1, 1, 3), *Rotation.random(rng=rng).as_quat()]
     masses = []
     for model in (whole, expected):
-        values = pin.neutral(model)
+        values = pin_configuration(model, q)
         values[:7] = stance
-        order = list(range(6))
-        for name in sorted(q):
-            joint = model.joints[model.getJointId(name)]
-            angle = [np.cos(q[name]), np.sin(q[name])] if joint.nq == 2 else [q[name]]
-            values[joint.idx_q : joint.idx_q + joint.nq] = angle
-            order.append(joint.idx_v)
+        order = [*range(6), *(model.joints[model.getJointId(name)].idx_v for name in sorted(q))]
         M = pin.crba(model, model.createData(), values)
         M = np.triu(M) + np.triu(M, 1).T
         masses.append(M[np.ix_(order, order)])
@@ -189,17 +191,3 @@ def test_an_empty_root_gives_way_to_what_is_joined_to_it() -> None:
         )
         frame = data.oMf[model.getFrameId(name, pin.FrameType.BODY)]
         assert np.allclose(frame.homogeneous, expected.homogeneous, rtol=0, atol=1e-14)
-
-
-def test_meshes_of_an_attached_robot_are_found_from_the_first(tmp_path: Path) -> None:
-    (tmp_path / "tool").mkdir()
-    (tmp_path / "tool" / "part.stl").write_bytes(b"")
-    shown = '<visual><geometry><mesh filename="part.stl"/></geometry></visual>'
-    tool = tmp_path / "tool" / "tool.urdf"
-    tool.write_text(
-        '<robot name="t">' + link_text("t", inertial_text(1.0, np.eye(3)) + shown) + "</robot>"
-    )
-    arm = tmp_path / "arm.urdf"
-    arm.write_text(random_robot(np.random.default_rng(4), "R").text)
-    text = assembled(arm, attached=[Attachment(tool)])
-    assert f'filename="{tmp_path / "tool" / "part.stl"}"' in text

@@ -4,18 +4,15 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
-import trimesh
-import yourdfpy
 
 import freefloat as ff
 from freefloat.planning.limits.keeping import keep_limits
 from freefloat.planning.motions import evaluator_for
 from freefloat.planning.path_planner import plan_attitude
-from freefloat.robot.bundled import bundled_robots, find_robot
+from freefloat.robot.bundled import find_robot
 
 IDENTITY = np.array([0.0, 0.0, 0.0, 1.0])
 SAMPLES = 64
@@ -33,41 +30,6 @@ def model(name: str) -> ff.FreeFloatingModel:
 @pytest.mark.parametrize("name", NEW)
 def test_a_model_has_no_warnings(name: str) -> None:
     assert model(name).warnings == ()
-
-
-def _corners(robot: Any, shapes: list[Any]) -> np.ndarray:
-    """Lowest and highest corner of some shapes, in the link's frame."""
-    bounds = []
-    for shape in shapes:
-        box, cylinder = shape.geometry.box, shape.geometry.cylinder
-        body = (trimesh.creation.box(box.size) if box is not None
-                else trimesh.creation.cylinder(cylinder.radius, cylinder.length))  # fmt: skip
-        if shape.origin is not None:
-            body.apply_transform(shape.origin)
-        bounds.append(body.bounds)
-    return np.array([np.min(bounds, axis=0)[0], np.max(bounds, axis=0)[1]])
-
-
-PAPER = ("planar_3dof", "spatial_6dof")
-"""Robots of the paper's examples, which the arm of one follows through its spacecraft."""
-
-
-@pytest.mark.parametrize("name", bundled_robots())
-def test_collision_shapes_lie_within_visuals(name: str) -> None:
-    """Links with a mass worth the name have collision shapes, no larger than what is drawn.
-
-    The paper's robots have none that could touch another one.
-    """
-    robot = yourdfpy.URDF.load(str(urdf(name)), load_meshes=False)
-    for link in robot.robot.links:
-        if link.inertial is None or link.inertial.mass < 1e-3:
-            continue
-        if not link.collisions:
-            assert name in PAPER, link.name
-            continue
-        drawn, solid = _corners(robot, link.visuals), _corners(robot, link.collisions)
-        assert (solid[0] >= drawn[0] - 1e-9).all()
-        assert (solid[1] <= drawn[1] + 1e-9).all()
 
 
 def test_the_two_real_arms_have_the_published_masses_and_lengths() -> None:

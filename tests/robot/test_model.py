@@ -25,6 +25,7 @@ from tests.robots import (
     inertial_text,
     joint_text,
     link_text,
+    pin_configuration,
     random_robot,
     robots,
 )
@@ -145,11 +146,7 @@ def test_models_survive_pickling_and_copying(rng: np.random.Generator) -> None:
 def whole_robot(robot: Robot, fixed: dict[str, float], joints: np.ndarray) -> tuple[pin.Model, ...]:
     """Pinocchio's own robot, no joint fixed, its root link at the origin."""
     model = pin.buildModelFromXML(read_urdf(robot.text).text)
-    q = pin.neutral(model)
-    for name, value in [*fixed.items(), *zip(robot.joints, joints, strict=True)]:
-        joint = model.joints[model.getJointId(name)]
-        angle = [np.cos(value), np.sin(value)] if joint.nq == 2 else [value]
-        q[joint.idx_q : joint.idx_q + joint.nq] = angle
+    q = pin_configuration(model, fixed | dict(zip(robot.joints, joints, strict=True)))
     data = model.createData()
     pin.framesForwardKinematics(model, data, q)
     return model, data

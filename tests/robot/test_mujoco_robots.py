@@ -112,87 +112,51 @@ def test_two_slides_and_a_hinge_about_z_are_a_planar_base(tmp_path: Path) -> Non
         np.testing.assert_array_equal(S, expected)
 
 
-def test_bases_that_are_tied_to_the_world_are_refused(tmp_path: Path) -> None:
-    for tie in ('<weld body1="bus"/>', '<connect body1="bus" body2="world" anchor="0 0 0"/>',
-                '<weld site1="here" site2="there"/>'):  # fmt: skip
-        file = written(
-            tmp_path, '<freejoint/><site name="here"/>', before='<site name="there"/>',
-            tail=f"<equality>{tie}</equality>",
-        )  # fmt: skip
-        assert error_key(ff.FreeFloatingModel.from_urdf, file, "hand") == "root"
-        file.write_text(file.read_text().replace("<weld", '<weld active="false"'))
-    ff.FreeFloatingModel.from_urdf(file, "hand")
+FIXED = """<body name="post"><body name="plate"/></body><body name="target" mocap="true"/>
+<site name="there" pos="0 0 2"/>"""
+CLIENT = '<body name="client"><freejoint/><geom size="1"/></body>'
+SITED = '<freejoint/><site name="here"/>'
+CABLE = '<tendon><spatial name="c" {}><site site="there"/><site site="here"/></spatial></tendon>'
+ROPE = """<deformable><flex name="rope" dim="1" body="bus {}" vertex="0 0 0 0 0 0" element="0 1"
+radius="0.01"/></deformable>"""
+EQUAL = "<equality>{}</equality>"
+TIES = [
+    *(EQUAL.format(tie) for tie in (
+        '<weld body1="bus"/>', '<connect body1="bus" body2="world" anchor="0 0 0"/>',
+        '<weld site1="here" site2="there"/>', '<weld body1="bus" body2="post"/>',
+        '<weld body1="plate" body2="hand"/>',
+        '<connect body1="lower" body2="world" anchor="0 0 0"/>',
+        '<connect body1="hand" body2="target" anchor="0 0 0"/>',
+    )),
+    *(CABLE.format(force) for force in (
+        'stiffness="10"', 'limited="true" range="0 2"', 'frictionloss="1"',
+    )),
+    CABLE.format("") + EQUAL.format('<tendon tendon1="c"/>'), ROPE.format("world"),
+]  # fmt: skip
+"""What ties a base or an arm to what is fixed."""
+FORCELESS = [
+    EQUAL.format('<weld active="false" body1="bus"/>'), CABLE.format(""),
+    CABLE.format("") + EQUAL.format('<tendon tendon1="c" active="false"/>'), ROPE.format("hand"),
+    EQUAL.format('<weld body1="bus" body2="hand"/>'),
+    EQUAL.format('<weld body1="client" body2="hand"/>'),
+    EQUAL.format('<joint joint1="q1" polycoef="0.4 0 0 0 0"/>'),
+]  # fmt: skip
+"""Ties without force, and ties to what floats."""
 
 
-FIXED = '<body name="post"><body name="plate"/></body><body name="target" mocap="true"/>'
-
-
-@pytest.mark.parametrize("tie", [
-    '<weld body1="bus" body2="post"/>', '<weld body1="plate" body2="hand"/>',
-    '<connect body1="lower" body2="world" anchor="0 0 0"/>',
-    '<connect body1="hand" body2="target" anchor="0 0 0"/>',
-])  # fmt: skip
+@pytest.mark.parametrize("tie", [*TIES, *FORCELESS])
 def test_robots_that_are_tied_to_what_is_fixed_are_refused(tie: str, tmp_path: Path) -> None:
-    file = written(tmp_path, before=FIXED, tail=f"<equality>{tie}</equality>")
-    assert error_key(ff.FreeFloatingModel.from_urdf, file, "hand") == "root"
-
-
-@pytest.mark.parametrize(("force", "refused"), [
-    ('stiffness="10"', True), ('limited="true" range="0 2"', True), ('frictionloss="1"', True),
-    ("", False),
-])  # fmt: skip
-def test_tendons_from_what_is_fixed_are_refused(force: str, refused: bool, tmp_path: Path) -> None:
-    """Unless they transmit no force."""
-    tendon = f'<spatial name="cable" {force}><site site="there"/><site site="here"/></spatial>'
-    file = written(
-        tmp_path, '<freejoint/><site name="here"/>', before='<site name="there" pos="0 0 2"/>',
-        tail=f"<tendon>{tendon}</tendon>",
-    )  # fmt: skip
-    if refused:
-        assert error_key(ff.FreeFloatingModel.from_urdf, file, "hand") == "root"
+    file = written(tmp_path, SITED, before=FIXED + CLIENT, tail=tie)
+    source = ff.RobotSource(file, "bus")
+    if tie in TIES:
+        assert error_key(ff.FreeFloatingModel.from_urdf, source, "hand") == "root"
     else:
-        ff.FreeFloatingModel.from_urdf(file, "hand")
-
-
-@pytest.mark.parametrize("active", ["true", "false"])
-def test_tendons_whose_length_is_kept_are_refused(active: str, tmp_path: Path) -> None:
-    cable = '<spatial name="cable"><site site="there"/><site site="here"/></spatial>'
-    kept = f'<equality><tendon tendon1="cable" active="{active}"/></equality>'
-    file = written(
-        tmp_path, '<freejoint/><site name="here"/>', before='<site name="there" pos="0 0 2"/>',
-        tail=f"<tendon>{cable}</tendon>{kept}",
-    )  # fmt: skip
-    if active == "true":
-        assert error_key(ff.FreeFloatingModel.from_urdf, file, "hand") == "root"
-    else:
-        ff.FreeFloatingModel.from_urdf(file, "hand")
-
-
-@pytest.mark.parametrize(("fixed", "refused"), [("world", True), ("hand", False)])
-def test_flexes_to_what_is_fixed_are_refused(fixed: str, refused: bool, tmp_path: Path) -> None:
-    flex = (f'<flex name="rope" dim="1" body="bus {fixed}" vertex="0 0 0 0 0 0" element="0 1" '
-            'radius="0.01"/>')  # fmt: skip
-    file = written(tmp_path, tail=f"<deformable>{flex}</deformable>")
-    if refused:
-        assert error_key(ff.FreeFloatingModel.from_urdf, file, "hand") == "root"
-    else:
-        ff.FreeFloatingModel.from_urdf(file, "hand")
-
-
-@pytest.mark.parametrize("tie", [
-    '<weld body1="bus" body2="hand"/>', '<weld body1="client" body2="hand"/>',
-    '<joint joint1="q1" polycoef="0.4 0 0 0 0"/>',
-])  # fmt: skip
-def test_ties_to_what_floats_leave_a_base_free(tie: str, tmp_path: Path) -> None:
-    client = '<body name="client"><freejoint/><geom size="1"/></body>'
-    file = written(tmp_path, before=client, tail=f"<equality>{tie}</equality>")
-    model = ff.FreeFloatingModel.from_urdf(ff.RobotSource(file, "bus"), "hand")
-    assert model.joint_names == ("q1", "q2", "q3")
+        model = ff.FreeFloatingModel.from_urdf(source, "hand")
+        assert model.joint_names == ("q1", "q2", "q3")
 
 
 def test_a_coupled_joint_of_a_base_is_refused(tmp_path: Path) -> None:
-    tail = '<equality><joint joint1="z"/></equality>'
-    file = written(tmp_path, "".join([*SLIDES, *HINGES]), tail=tail)
+    file = written(tmp_path, "".join([*SLIDES, *HINGES]), tail=EQUAL.format('<joint joint1="z"/>'))
     assert error_key(ff.FreeFloatingModel.from_urdf, file, "hand") == "root"
 
 

@@ -39,22 +39,8 @@ BODIES = """
 """
 TOOL = """
   <link name="tool"/>
-  <joint name="tool_joint" type="fixed"><parent link="{last}"/><child link="tool"/>
-    <origin xyz="{x} 0 0"/></joint>
-"""
-ETS_VII = """
-  <xacro:include filename="$(find onorbit_description)/urdf/bodies.xacro"/>
-  <xacro:body name="satellite" mass="2550" length="2.4" radius="1.0"/>
-  <xacro:property name="links" value="${[0.2, 1.0, 0.9, 0.2, 0.15, 0.1]}"/>
-  <xacro:property name="axes" value="${['0 0 1', '0 1 0', '0 1 0', '1 0 0', '0 1 0', '1 0 0']}"/>
-  <xacro:macro name="arm" params="parent x k">
-    <xacro:body name="link_${k}" mass="${20 / (k + 1)}" length="${links[k]}"/>
-    <xacro:hinge name="joint_${k}" parent="${parent}" child="link_${k}" x="${x}" axis="${axes[k]}"/>
-    <xacro:if value="${k &lt; 5}">
-      <xacro:arm parent="link_${k}" x="${links[k]}" k="${k + 1}"/>
-    </xacro:if>
-  </xacro:macro>
-  <xacro:arm parent="satellite" x="2.4" k="0"/>
+  <joint name="tool_joint" type="fixed"><parent link="c"/><child link="tool"/>
+    <origin xyz="0.5 0 0"/></joint>
 """
 CONDITIONS = """
   <xacro:property name="slender" value="true"/>
@@ -66,67 +52,38 @@ CONDITIONS = """
   <xacro:hinge name="q2" parent="a" child="b" x="0.9" axis="0 0 1"/>
   <xacro:hinge name="q3" parent="b" child="c" x="${0.5 * sqrt(2)}" axis="0 0 1"/>
 """
-FILES = {
-    "ets_vii_like": (ETS_VII, "link_5", 0.1, 6, "pose"),
-    "conditions": (BODIES + CONDITIONS, "c", 0.5, 3, "planar-pose"),
-}
-"""Text, last link and its length, number of joints, and task."""
 
 
 @pytest.fixture
-def xacro(tmp_path: Path):
-    """Write a xacro file into a package of ROS; its path."""
-    folder = tmp_path / "onorbit_description" / "urdf"
+def xacro(tmp_path: Path) -> Path:
+    """A xacro file that includes one of its package of ROS."""
+    folder = tmp_path / "arm_description" / "urdf"
     folder.mkdir(parents=True)
-    (folder.parent / "package.xml").write_text(
-        "<package><name>onorbit_description</name></package>"
-    )
+    (folder.parent / "package.xml").write_text("<package><name>arm_description</name></package>")
     (folder / "bodies.xacro").write_text(HEAD.format(name="bodies") + BODIES + "</robot>")
-
-    def write(name: str) -> Path:
-        text, last, length, _, _ = FILES[name]
-        file = folder / f"{name}.urdf.xacro"
-        file.write_text(
-            HEAD.format(name=name) + text + TOOL.format(last=last, x=length) + "</robot>"
-        )
-        return file
-
-    return write
+    file = folder / "arm.urdf.xacro"
+    include = '<xacro:include filename="$(find arm_description)/urdf/bodies.xacro"/>'
+    file.write_text(HEAD.format(name="arm") + include + CONDITIONS + TOOL + "</robot>")
+    return file
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", FILES)
-def test_robots_in_xacro_load_and_plan(name: str, xacro) -> None:
-    file = xacro(name)
-    _, _, _, joints, task = FILES[name]
-    model = ff.FreeFloatingModel.from_urdf(file)
-    assert model.dof == joints
-    rng = np.random.default_rng(1)
-    q = np.where(model.prismatic, 0.3, rng.uniform(0.5, 1.0, joints))
-    start = model.end_effector_pose([0.0, 0.0, 0.0, 1.0], q)
-    scenario = {
-        "robot": {"urdf": str(file), "end_effector": "tool"},
-        "task": task,
-        "path": {"line": {"from": start.position.tolist(),
-                          "to": (0.97 * start.position).tolist()}},
-        "timing": {"duration": 60},
+def test_robots_in_xacro_load_and_plan(xacro: Path) -> None:
+    model, upright = ff.FreeFloatingModel.from_urdf(xacro), [0.0, 0.0, 0.0, 1.0]
+    reach = model.end_effector_pose(upright, np.zeros(3)).position[0]
+    bus = model.base_position(upright, np.zeros(3))[0]
+    assert reach - bus == pytest.approx(1.0 + 0.9 + np.sqrt(0.5) + 0.5)
+    start = model.end_effector_pose(upright, [0.6, 0.8, 0.7])
+    line = {"from": start.position.tolist(), "to": (0.97 * start.position).tolist()}
+    axes = {"x": start.rotation[:, 0].tolist(), "y": start.rotation[:, 1].tolist()}
+    loaded = ff.load_scenario({
+        "robot": {"urdf": str(xacro), "end_effector": "tool"}, "task": "planar-pose",
+        "path": {"line": line, "attitude": {"fixed": {"axes": axes}}}, "timing": {"duration": 60},
         "margin": {"measure": "system", "fraction": 0.01},
-        "search": {"samples": 64},
-    }  # fmt: skip
-    if task in ("pose", "planar-pose"):
-        scenario["path"]["attitude"] = {"fixed": {"axes": {
-            "x": start.rotation[:, 0].tolist(), "y": start.rotation[:, 1].tolist()}}}  # fmt: skip
-    loaded = ff.load_scenario(scenario)
+    })  # fmt: skip
     plan = ff.plan(loaded.problem(), loaded.search(), loaded.limits())
     assert plan.feasible, plan.reason
     assert ff.check(plan).discrepancies == ()
-
-
-def test_expressions_are_evaluated(xacro) -> None:
-    model = ff.FreeFloatingModel.from_urdf(xacro("conditions"))
-    tool = model.end_effector_pose([0.0, 0.0, 0.0, 1.0], np.zeros(3)).position
-    bus = model.base_position([0.0, 0.0, 0.0, 1.0], np.zeros(3))
-    assert tool[0] - bus[0] == pytest.approx(1.0 + 0.9 + np.sqrt(0.5) + 0.5)
 
 
 @pytest.mark.slow

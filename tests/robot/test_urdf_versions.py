@@ -19,7 +19,7 @@ from freefloat.robot.parts import Attachment
 from freefloat.robot.shapes import Capsule
 from freefloat.robot.validation import examine, read_urdf
 from tests.commands import document
-from tests.robots import Robot, numbers, random_robot
+from tests.robots import Robot, numbers, pin_configuration, random_robot
 
 UP = [0.0, 0.0, 0.0, 1.0]
 CAPSULE = '<collision><geometry><capsule radius="0.2" length="1.5"/></geometry></collision>'
@@ -42,12 +42,7 @@ def assert_same_robot(model: ff.FreeFloatingModel, file: Path, rng: np.random.Ge
     theirs = pin.buildModelFromUrdf(str(file), pin.JointModelFreeFlyer())
     data = theirs.createData()
     joints = rng.uniform(-2.0, 2.0, model.dof)
-    q = pin.neutral(theirs)
-    for name, value in zip(model.joint_names, joints, strict=True):
-        joint = theirs.joints[theirs.getJointId(name)]
-        q[joint.idx_q : joint.idx_q + joint.nq] = (
-            value if joint.nq == 1 else [np.cos(value), np.sin(value)]
-        )
+    q = pin_configuration(theirs, dict(zip(model.joint_names, joints, strict=True)))
     pin.framesForwardKinematics(theirs, data, q)
     placed = data.oMf[theirs.getFrameId(model.end_effector_link)]
     pose = model.body_poses(UP, joints)[0].inverse() @ model.end_effector_pose(UP, joints)
@@ -61,7 +56,7 @@ def assert_same_robot(model: ff.FreeFloatingModel, file: Path, rng: np.random.Ge
 
 
 @pytest.mark.parametrize("version", ["1.1", "1.2"])
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 def test_quaternions_are_read_as_pinocchio_reads_them(
     seed: int, version: str, tmp_path: Path
 ) -> None:

@@ -207,11 +207,9 @@ def test_an_inertia_that_does_not_fit_the_mass_is_reported(
     assert [entry.element for entry in model.warnings] == ["link bus", "link spacecraft"]
 
 
-@pytest.mark.parametrize(
-    ("mass", "moment"), [(2550.0, 7090.0), (450_000.0, 1.5e8), (4.0, 0.007), (300.0, 60.0)]
-)
+@pytest.mark.parametrize(("mass", "moment"), [(450_000.0, 1.5e8), (4.0, 0.007)])
 def test_inertias_of_spacecraft_are_plausible(mass: float, moment: float) -> None:
-    """ETS-VII, the Space Station, a CubeSat, a servicer."""
+    """The Space Station, a CubeSat."""
     spacecraft = ff.Spacecraft(mass, moment * np.ones(3))
     model = ff.FreeFloatingModel.from_urdf(VALID, "hand", spacecraft=spacecraft)
     assert [entry.element for entry in model.warnings] == ["link bus"]  # a spacecraft already

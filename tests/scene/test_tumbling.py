@@ -11,19 +11,6 @@ import freefloat as ff
 from tests.errors import error_key
 
 
-@pytest.mark.parametrize("spin", [0.3, -1.2])
-def test_a_symmetric_body_precesses_steadily(spin):
-    across, along = 3.0, 2.0
-    rate = np.array([0.4, 0.1, spin])
-    momentum = np.array([across, across, along]) * rate
-    tumbling = ff.Tumbling([across, across, along], rate)
-    for t in (0.0, 3.0, 40.0):
-        precession = Rotation.from_rotvec(momentum / across * t)
-        own = Rotation.from_rotvec([0.0, 0.0, (1.0 - along / across) * spin * t])
-        expected = (precession * own).as_matrix()
-        np.testing.assert_allclose(tumbling.rotation(t), expected, rtol=0, atol=1e-11)
-
-
 def test_the_axes_of_the_body_are_free(rng):
     """With the inertia in rotated axes the motion is the same."""
     R = Rotation.random(rng=rng).as_matrix()

@@ -46,16 +46,6 @@ def test_no_configuration_is_above_the_bound_and_the_value_is_attained(
     assert max(abs(measure(q)) for q in samples) <= found.upper_bound
 
 
-def test_the_search_does_not_depend_on_its_start() -> None:
-    problem = bundled("planar_2dof/line")
-    polynomial = SingularityPolynomial.of(problem.model, problem.task)
-    starts = np.random.default_rng(0).uniform(-np.pi, np.pi, (5, 2))
-    for start in starts:
-        found = global_maximum(polynomial, start, 1e-6)
-        assert found.value == pytest.approx(7.127288996993473, abs=1e-6)
-        assert found.upper_bound >= 7.127288996993473
-
-
 @pytest.mark.slow
 def test_the_bound_holds_when_the_search_ends_early(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(maxima, "_MOST", 64)

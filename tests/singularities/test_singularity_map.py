@@ -31,8 +31,7 @@ def contradictions(
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "resolution", "decided"), [
-    ("planar_2dof/line", 0.1, 0.999), ("planar_3dof/parabola", 0.1, 0.999),
-    ("spatial_6dof/line", 2.0, 0.90), ("ur5_servicer/arc", 15.0, 0.35),
+    ("planar_3dof/parabola", 0.1, 0.999), ("spatial_6dof/line", 2.0, 0.90),
 ])  # fmt: skip
 def test_random_configurations_do_not_contradict_certified_boxes(
     name: str, resolution: float, decided: float
@@ -52,21 +51,6 @@ def test_fixed_and_prismatic_joints() -> None:
     found = ff.singularity_map(model, resolution=np.radians(10.0), fixed=fixed)
     assert found.joints == [1, 2, 4]
     assert contradictions(found, model, "pose", 4000) == 0
-
-
-def test_boxes_are_those_of_the_nodes_and_are_cut_down_to_the_resolution() -> None:
-    problem = bundled("planar_2dof/line")
-    found = ff.singularity_map(problem.model, problem.task, np.radians(2.0))
-    volume = 0.0
-    for part, centres, halves in found.iterate_boxes():
-        nodes = found.nodes[part]
-        leaves = nodes >= Kind.POSITIVE
-        volume += float(np.prod(2.0 * halves[leaves], axis=1).sum())
-        assert (found.locate(centres[leaves]) == np.arange(part.start, part.stop)[leaves]).all()
-        unknown = nodes >= Kind.SINGULAR
-        narrowest = (2.0 * halves[unknown]).min(axis=1)
-        assert (narrowest <= np.radians(2.0)).all()
-    assert volume == pytest.approx((2.0 * np.pi) ** 2)
 
 
 @pytest.mark.parametrize(

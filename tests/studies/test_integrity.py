@@ -17,7 +17,7 @@ from freefloat.errors import InputError
 from freefloat.studies.database import open_results
 from freefloat.studies.portable import study_files
 from freefloat.studies.study import Study
-from tests.commands import error, run
+from tests.commands import error
 from tests.errors import error_key
 from tests.example_studies import SHORT, a_study, finished, write_study
 
@@ -85,7 +85,7 @@ def test_no_damaged_row_is_believed(
     whole = rows_of(study, tmp_path / "whole")
     data, chance = (tmp_path / "whole" / "study.sqlite").read_bytes(), random.Random(5)
     assert len(whole) == COUNT
-    for number in range(50):
+    for number in range(20):
         copy = tmp_path / f"{number}"
         shutil.copytree(tmp_path / "whole", copy)
         (copy / "study.sqlite").write_bytes(damage(bytearray(data), chance))
@@ -111,6 +111,9 @@ def test_no_damaged_row_is_believed(
         ["PRAGMA ignore_check_constraints = 1", "UPDATE runs SET margin = 9e999"],
         ["PRAGMA ignore_check_constraints = 1", "UPDATE runs SET verdict = 'perhaps'"],
         ["UPDATE study SET software = '{}'"],
+        ["UPDATE study SET digest = 1"],
+        ["DELETE FROM study"],
+        ["ALTER TABLE runs RENAME COLUMN seconds TO time"],
         ["INSERT INTO study SELECT * FROM study"],
     ],
 )
@@ -160,20 +163,6 @@ def test_rows_that_are_not_as_written_count_as_missing(
     rows = finished(study, tmp_path / "out")
     assert [row["number"] for row in rows] == left
     assert 7 not in [row["bytes"] for row in rows]
-
-
-@pytest.mark.slow
-@pytest.mark.usefixtures("kernels")
-def test_the_command_computes_damaged_rows_again(tmp_path: Path) -> None:
-    file = write_study(tmp_path, VARY, base=SHORT, cases=20, files="none")
-    result = ff.run_study(ff.load_study(file), tmp_path / "out", report=False)
-    margins = result.rows.column("margin").tolist()
-    altered(tmp_path / "out", "UPDATE runs SET margin = 1 WHERE number = 3")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(tmp_path)
-        done = run("batch", "study.yaml", "-o", "out", "--json")
-    assert done.exit_code == 0
-    assert result.rows.column("margin").tolist() == margins
 
 
 @pytest.mark.slow

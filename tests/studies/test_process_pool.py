@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ast
 import os
 import subprocess
 import sys
@@ -12,12 +11,10 @@ from pathlib import Path
 import psutil
 import pytest
 
-import freefloat
 from freefloat.studies.portable import PortableStudy
 from freefloat.studies.process_pool import FEW, completed_in_pool
 from tests.example_studies import SHORT, a_study, write_study
 
-SOURCES = Path(freefloat.__file__).parent
 PATHS = {"path.polynomial.y.1": {"uniform": [0.01, 0.0101]}}
 """Runs that no ensemble represents."""
 LISTENING = 0x10000
@@ -121,14 +118,3 @@ def test_no_process_of_a_study_has_a_listening_socket(tmp_path: Path) -> None:
         process.kill()
         process.communicate()
     assert psutil.wait_procs(tree, timeout=60)[1] == []  # the death of the command ends all
-
-
-def test_one_module_alone_imports_dask() -> None:
-    importing = set()
-    for file in SOURCES.rglob("*.py"):
-        for node in ast.walk(ast.parse(file.read_text("utf-8"))):
-            names = [node.module or ""] if isinstance(node, ast.ImportFrom) else []
-            names += [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
-            if {name.partition(".")[0] for name in names} & {"dask", "distributed"}:
-                importing.add(file.name)
-    assert importing == {"scheduler.py"}

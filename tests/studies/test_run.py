@@ -135,36 +135,10 @@ def test_a_map_has_the_results_of_map(tmp_path: Path) -> None:
     assert (none.values["verdict"], none.values["feasible_fraction"]) == ("infeasible", 0.0)
 
 
-@pytest.mark.slow
-def test_simulations_follow_the_branch_of_the_undisturbed_motion(tmp_path: Path) -> None:
-    """With less momentum the other one is better, but the arm is not on it."""
-    vary = {"momentum.2": {"list": [-0.5]}}
-    for heading in (120.0, 200.0):
-        (row,) = rows(tmp_path, vary, heading_deg=heading)
-        undisturbed = load_scenario(tmp_path / "base.yaml").simulate(heading=np.radians(heading))
-        chosen = undisturbed.chosen.branch
-        assert (row["branch"], row["verdict"]) == (chosen.index, "infeasible")
-        assert joints(row) == pytest.approx(chosen.joints.tolist())
-        (best,) = rows(tmp_path, vary, heading_deg=heading, start={"branch": "best"})
-        assert (best["branch"], best["verdict"]) == (1 - chosen.index, "feasible")
-    varied = rows(tmp_path, vary | {"heading_deg": {"list": [120.0, 200.0]}})
-    assert [(row["branch"], row["verdict"]) for row in varied] == [(0, "feasible"), (1, "feasible")]
-
-
 def test_an_arm_that_is_not_the_bases_has_no_undisturbed_motion(tmp_path: Path) -> None:
     vary = {"robot.urdf": "planar_2dof", "task": "planar-position", "path.polynomial.x.0": 1.0}
     (row,) = rows(tmp_path, {key: {"list": [value]} for key, value in vary.items()})
     assert "start.joints: " in str(row["error"])
-
-
-@pytest.mark.slow
-def test_violated_margins_and_limits_are_infeasible(tmp_path: Path) -> None:
-    vary = {"margin.value": {"list": [5, 200]}, "limits.base_rate": {"list": [1.0, 1e-4]}}
-    checked = rows(tmp_path, vary, start={"branch": 0})
-    assert [row["verdict"] for row in checked] == ["feasible", *["infeasible"] * 3]
-    assert [row["limits_kept"] for row in checked] == [True, False, True, False]
-    ratios = [row["limits.base_rate"] for row in checked]
-    assert ratios[0] < 1.0 < ratios[1]
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,6 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -189,16 +188,6 @@ def test_a_killed_ensemble_loses_at_most_the_chunk_in_flight(folder: Path) -> No
 
 
 @pytest.mark.slow
-def test_a_run_of_a_study_is_written_as_a_file(folder: Path) -> None:
-    study = a_study(folder, RANDOM, base=SHORT, cases=40, files="none")
-    written = document("batch", "study.yaml", "--run", "17", "-o", "run.h5")
-    assert written["margin"] == load(folder / "run.h5").chosen.minimum_margin
-    row = run_study(study, folder / "out", report=False).rows[17]
-    assert (written["case"], written["verdict"]) == (17, row["verdict"])
-    assert written["margin"] == pytest.approx(row["margin"], rel=1e-4)
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("finished", [0, 1])
 def test_an_interruption_ends_all_processes_and_keeps_rows(finished: int, folder: Path) -> None:
     """Ctrl-C in a terminal reaches the workers too, before and after the first runs."""
@@ -289,19 +278,6 @@ def test_an_estimate_times_every_step_and_writes_nothing(folder: Path) -> None:
     upright = {"heading_deg": None, "attitude": [0, -0.1736, 0, 0.9848]}
     write_study(folder, masses, base=arc, cases=20, **upright)
     assert document("batch", "study.yaml", "--dry-run")["timed"].startswith("run")
-
-
-@pytest.mark.slow
-def test_every_step_of_a_study_has_its_progress(folder: Path) -> None:
-    study = a_study(folder, RANDOM, base=SHORT, cases=40, files="worst 2")
-    steps: dict[str, list[float]] = {}
-
-    def stages(name: str) -> Any:
-        return nullcontext(steps.setdefault(name, []).append)
-
-    run_study(study, folder / "out", workers=1, stages=stages)
-    assert list(steps) == ["finished runs", "40 runs", "3 result files", "tables", "report"]
-    assert steps["3 result files"] == pytest.approx([1 / 3, 2 / 3, 1.0])
 
 
 @pytest.mark.parametrize(

@@ -26,8 +26,7 @@ MOMENTA: dict[str, Any] = {"momentum.2": {"uniform": [-1.0, 1.5]}}
 NAMED = dict(zip(("q1", "q2", "q3"), JOINTS, strict=True))
 
 
-@pytest.mark.parametrize("joints", [JOINTS, NAMED])
-@pytest.mark.parametrize("vary", [HEADINGS, HEADINGS | ROBOTS])
+@pytest.mark.parametrize(("vary", "joints"), [(HEADINGS, JOINTS), (HEADINGS | ROBOTS, NAMED)])
 def test_joints_choose_the_nearest_arm_branch_on_all_roads(
     vary: dict[str, Any], joints: Any, tmp_path: Path
 ) -> None:
@@ -81,16 +80,6 @@ def test_the_arm_branch_of_the_unvaried_motion_is_found_once_and_kept(tmp_path: 
     ])  # fmt: skip
     rest = list(run_study(study, tmp_path / "part", workers=1, report=False).rows)[10:]
     assert [row["margin"] for row in rest] == [row["margin"] for row in every[10:]]
-
-
-@pytest.mark.parametrize("limits", [{}, {"base_rate": 0.02, "joint_rate": 0.06}])
-def test_of_many_runs_the_same_arm_branch_is_found(limits: dict[str, Any], tmp_path: Path) -> None:
-    """By an ensemble, unless limits choose it."""
-    for heading in (120.0, 200.0):
-        keys = {"base": BASE | {"limits": limits}, "files": "none", "heading_deg": heading}
-        study = a_study(tmp_path, MOMENTA, cases=100, **keys)
-        chosen = ff.load_scenario(tmp_path / "base.yaml").simulate(heading=np.radians(heading))
-        assert study.start(7)["joints"] == pytest.approx(chosen.chosen.branch.joints.tolist())
 
 
 def test_errors_of_the_attitude_leave_the_arm_in_its_branch(tmp_path: Path) -> None:

@@ -16,7 +16,6 @@ from freefloat.studies.estimate import why_run_by_run
 from freefloat.studies.record_values import record_values
 from freefloat.studies.runner import run_study
 from freefloat.studies.study import Study
-from tests.commands import document, run
 from tests.example_studies import BASE as PLANAR
 from tests.example_studies import a_study
 
@@ -135,11 +134,8 @@ def assert_same_extremes(row: dict[str, Any], simulation: ff.Simulation) -> None
 @pytest.mark.parametrize(
     ("vary", "frame", "keys"),
     [
-        (VARY, "spacecraft", {}),
-        (ENDS, "spacecraft", {}),
         (ENDS | VARY | LINKS, "spacecraft", {}),
         (VARY | LINKS, "base_link", {}),
-        (LINKS | MOUNTS, "spacecraft", {"start": {"branch": 1}}),
         (LINKS | MOUNTS, "spacecraft", {"start": {"branch": "best"}}),
     ],
 )
@@ -165,7 +161,6 @@ def test_paths_in_frames_that_turn_with_a_mount_go_run_by_run(tmp_path: Path) ->
 @pytest.mark.parametrize(
     ("vary", "keys"),
     [
-        (VARY, {}),
         (VARY | LINKS | DRIFTS, {}),
         (VARY | LINKS, {"start": {"branch": "best"}}),
     ],
@@ -267,28 +262,6 @@ def test_where_headings_vary_the_best_arm_branch_of_each_run_keeps_the_limits(
         assert row["verdict"] == ("feasible" if best.feasible else "infeasible")
         chosen.add(row["branch"])
     assert len(chosen) == 2
-
-
-def test_all_reasons_are_said_together(tmp_path: Path) -> None:
-    """Several of them, in the JSON document, the table and the first line of a run."""
-    margin = BASE["margin"] | {"fraction_of": "run"}
-    base = BASE | {"path": BASE["path"] | {"frame": "base"}, "margin": margin,
-                   "limits": {"joint_torque": 10.0, "clearance": 0.01}}  # fmt: skip
-    study = a_spatial_study(tmp_path, VARY | MOUNTS, base=base, cases=16)
-    words = ("fraction_of", "mount", "clearance", "joint_torque")
-    file = tmp_path / "study.yaml"
-    answers = [
-        str(why_run_by_run(study)), run("batch", file, "--dry-run").stdout,
-        document("batch", file, "--dry-run")["run_by_run"],
-    ]  # fmt: skip
-    for answer in answers:
-        assert [word for word in words if word not in answer] == []
-    key = "path.attitude.fixed.rpy.1"
-    random = a_spatial_study(tmp_path, VARY | {key: {"uniform": [1.5, 1.6]}},
-                             base=base, files="all")  # fmt: skip
-    reason = str(why_run_by_run(random))
-    words = (key, "files", "fraction_of")
-    assert [word for word in words if word not in reason] == []
 
 
 def test_torques_are_not_asked_for_where_no_run_keeps_the_rest(tmp_path: Path) -> None:

@@ -17,7 +17,6 @@ from freefloat.motion import integration
 from freefloat.motion.margin import keeps_threshold
 from freefloat.motion.motion import Ending
 from freefloat.paths import PolynomialCurve
-from freefloat.planning.plane.ranges import find_range_limits, heading_ranges
 from freefloat.robot.bundled import models_folder
 from freefloat.so3 import heading_of
 from tests.motions import GOOD, along, bundled, compiled_motion, heading, lasting, simulated
@@ -37,17 +36,6 @@ def spatial():
 def planar():
     """Example 1, without the stop."""
     return bundled("planar_3dof/parabola_nonstop")
-
-
-def all_headings(problem):
-    """Ranges of headings that keep the margin."""
-    span = (0.0, problem.path.duration)
-    return heading_ranges(problem, find_range_limits(problem, span), span, 0.0)
-
-
-@pytest.fixture(scope="module")
-def ranges(planar):
-    return all_headings(planar)
 
 
 def assert_equal_ends(motion, other, tolerance):

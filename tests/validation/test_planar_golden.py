@@ -1,7 +1,5 @@
 """Planar systems: numbers known from other codes, and the closed form."""
 
-from functools import partial
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -13,9 +11,6 @@ from freefloat.dynamics.momentum import inertia_matrices
 from tests.motions import relative
 from tests.robots import joint_values, planar_robot
 from tests.validation.comparisons import assert_agrees
-
-assert_close = partial(np.testing.assert_allclose, rtol=0)
-
 
 TWO_LINKS = ([40, 4, 3], [6.667, 0.333, 0.25], [0.5, 0.5], [0.5, 0.5, 0.5])
 

@@ -4,7 +4,6 @@ import os
 import shutil
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -15,8 +14,6 @@ import freefloat as ff
 from tests.motions import relative
 from tests.robots import Robot, random_robot
 from tests.validation.comparisons import assert_agrees
-
-assert_close = partial(np.testing.assert_allclose, rtol=0)
 
 
 def spart_generalized_jacobian(

@@ -155,27 +155,6 @@ def narrower(by):
     return lambda ranges: (replace(ranges[0], high=ranges[0].high + by), *ranges[1:])
 
 
-def without_approach(plan):
-    approach = replace(plan.chosen.closest_approach, value=12.0)
-    return replace(plan, chosen=replace(plan.chosen, closest_approach=approach))
-
-
-def other_branch(plan):
-    branch = replace(plan.chosen.branch, index=1 - plan.chosen.branch.index)
-    return replace(plan, chosen=replace(plan.chosen, branch=branch))
-
-
-def bound_above_the_minimum(plan):
-    first, *rest = plan.certificate.minima
-    minima = (replace(first, bound=1.001 * first.value), *rest)
-    return replace(plan, certificate=replace(plan.certificate, minima=minima))
-
-
-def doubled_limit(plan):
-    first, *rest = plan.limit_results
-    return replace(plan, limit_results=(replace(first, worst=2.0 * first.worst), *rest))
-
-
 ALTERATIONS = {
     "a joint": (moved("joints", 40, 1, 1e-4), "end-effector position"),
     "the momentum": (lambda p: with_problem(p, momentum=np.array([0, 0, 0.6])), "angular momentum"),
@@ -183,20 +162,7 @@ ALTERATIONS = {
     "the margin": (
         lambda p: with_problem(p, margin=replace(p.problem.margin, threshold=140.0)), "|det A|"),
     "a limit": (lambda p: replace(p, limits=replace(p.limits, base_rate=0.001)), "limit base rate"),
-    "the closest approach": (without_approach, "chosen.closest_approach.value"),
-    "the branch": (other_branch, "chosen.branch.index"),
-    "the branch's joints": (lambda plan: replace(plan, chosen=replace(plan.chosen, branch=replace(
-        plan.chosen.branch, joints=plan.chosen.branch.joints + 0.1))), "chosen.branch.joints"),
-    "a limit's worst value": (doubled_limit, "limit_results.0.worst"),
-    "the robust radius": (
-        lambda plan: replace(plan, robust_radius=plan.robust_radius + 0.02), "robust_radius"),
     "a wider range": (with_ranges(0, narrower(0.05)), "ranges of headings"),
-    "a bound above the minimum": (bound_above_the_minimum, "certificate gjm.bound"),
-    "no certificate": (lambda plan: replace(plan, certificate=None), "certificate"),
-    "the momentum scale": (lambda plan: replace(
-        plan, certificate=replace(plan.certificate, momentum_scale=9.0)
-    ), "certificate.momentum_scale"),
-    "its feasibility": (lambda plan: replace(plan, feasible=False), "feasible"),
     "its motion left out": (lambda plan: replace(plan, chosen=None), "motion"),
     "the ending": (lambda plan: with_motion(plan, ending=Ending.SINGULAR), "singular end"),
 }  # fmt: skip

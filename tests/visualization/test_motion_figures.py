@@ -96,19 +96,6 @@ def test_the_margin_is_drawn_where_it_is(drawn: Drawn) -> None:
 
 
 @pytest.mark.slow
-def test_the_minimum_of_a_motion_on_the_boundary_is_a_touch_point() -> None:
-    """Motions from a touch point have S = S0 as their minimum; others do not."""
-    problem = ff.load_scenario("spatial_6dof/line").problem()
-    (point,) = ff.attitude_map(problem, 60, touch=1).touch or ()
-    for degrees, wanted in ((0.0, 1), (2.0, 0)):
-        turn = Rotation.from_euler("x", degrees, degrees=True) * Rotation.from_quat(point.attitude)
-        branch = ff.simulate(problem, turn.as_quat(), branch=point.branch).chosen
-        (axes,) = motion_figures(branch.motion, branch.closest_approach)["margin"].axes
-        names = [str(item.get_label()) for item in axes.lines]
-        assert sum(name.startswith("touch point") for name in names) == wanted
-
-
-@pytest.mark.slow
 def test_compared_motions_share_scales_of_equal_units(
     planar: SimulatedBranch, singular: SimulatedBranch
 ) -> None:

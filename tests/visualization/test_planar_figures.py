@@ -61,23 +61,6 @@ def test_motions_of_the_segments_touch_where_the_plan_says() -> None:
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("$q_1$ [deg]", "$q_2$ [deg]")
 
 
-@pytest.mark.parametrize("name", ["planar_3dof/parabola", "planar_2dof/line"])
-def test_names_stand_beside_their_curves(name: str) -> None:
-    """Margin curves of S0 > 0 are named on the side on which S increases, others opposite."""
-    problem = ff.load_scenario(name).problem()
-    (axes,), arm = joint_space_figure(problem, []).axes, PlanarArm.of(problem.model)
-    texts = {text.get_text(): text for text in axes.texts}
-    assert sorted(texts) == ["I", "II", "III", "IV"]
-    for letter, text in texts.items():
-        joints, up = np.radians(text.xy), np.sign(text.xyann[1])
-        level = 0.0 if letter in ("I", "II") else problem.margin.threshold
-        S, beside = arm.determinant(
-            two_angles(arm, joints + np.outer([0.0, 0.01 * up], [0.0, 1.0]))
-        )
-        assert pytest.approx(level, abs=0.02 * problem.margin.threshold) == S
-        assert (beside > S) == (level > 0.0)
-
-
 def some_map() -> HeadingMap:
     """Two branches from eight headings, a margin of 5; one branch does not always reach."""
     margins = np.array([[0, 2, 6, 8, 9, 7, 4, 0], [9, 9, 9, np.nan, 0, 1, 5, 9]], dtype=float)

@@ -24,16 +24,6 @@ def mapped(name: str) -> SingularityMap:
     return ff.singularity_map(problem.model, problem.task, np.radians(20.0))
 
 
-def test_a_sphere_is_closed_and_has_its_radius_and_volume() -> None:
-    axis = np.linspace(-1.3, 1.3, 24)
-    vertices, faces = scenes.zero_surface(lambda x: 1.0 - np.linalg.norm(x, axis=1), (axis,) * 3)
-    assert np.linalg.norm(vertices, axis=1) == pytest.approx(1.0, abs=1e-4)
-    edges = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2))
-    assert (np.unique(edges, axis=0, return_counts=True)[1] == 2).all()
-    volume = np.abs(np.linalg.det(vertices[faces])).sum() / 6.0
-    assert volume == pytest.approx(4.0 / 3.0 * np.pi, rel=0.02)
-
-
 @pytest.mark.slow
 def test_the_determinant_vanishes_on_the_surface_and_is_positive_in_front() -> None:
     problem, found = bundled("spatial_6dof/line"), mapped("spatial_6dof/line")

@@ -33,11 +33,6 @@ def placed(plane, row, column):
     return vector
 
 
-def test_three_planes_pass_through_the_mark(slices):
-    assert [plane.normal for plane in slices] == [0, 1, 2]
-    assert np.array([plane.offset for plane in slices]) == pytest.approx([1.2, -0.5, 0.9])
-
-
 def test_every_place_has_the_margin_of_its_attitude(evaluator, slices):
     """This also fixes which component is horizontal and which vertical."""
     value = evaluator.problem.margin.threshold

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import re
 from pathlib import Path
 
@@ -118,35 +117,6 @@ def test_a_missing_mesh_is_reported_and_replaced(tmp_path: Path) -> None:
     for shapes in (f"<visual>{BOX}</visual>" + visual, f"<collision>{BOX}</collision>"):
         others = robot_visuals(ff.FreeFloatingModel.from_urdf(two_links(shapes)))
         assert isinstance(named(others, "arm").shape, ff.Box)
-
-
-PARTS = """
-<visual><geometry><box size="{}"/></geometry>{}</visual>"""
-
-
-@pytest.mark.parametrize(("bus", "arm"), [("", ""), ("0.5 0.5 0.5 1", "0.5 0.5 0.5 1")])
-def test_parts_without_colours_or_of_one_grey_are_told_apart(bus: str, arm: str) -> None:
-    """Spacecraft, panel and two links, three of which neighbour one another on the page."""
-
-    def part(size: str, colour: str) -> str:
-        material = f"<material name='m{size}'><color rgba='{colour}'/></material>" * bool(colour)
-        return PARTS.format(size, material)
-
-    body = inertial_text(100.0, 10.0 * np.eye(3)) + part("1 1 1", bus) + part("3 1 0.02", "")
-    links = [link_text(name, inertial_text(5.0, np.eye(3)) + part("1 0.1 0.1", arm))
-             for name in ("upper", "fore")]  # fmt: skip
-    text = (
-        f"<robot name='r'>{link_text('bus', body)}{''.join(links)}{link_text('tip')}"
-        + joint_text("a", "R", "bus", "upper", "0.5 0 0", axis="0 1 0")
-        + joint_text("b", "R", "upper", "fore", "1 0 0", axis="0 1 0")
-        + joint_text("end", "F", "fore", "tip", "1 0 0")
-        + "</robot>"
-    )
-    shapes = robot_visuals(ff.FreeFloatingModel.from_urdf(text, "tip")).shapes
-    colours = [np.array(shape.colour[:3]) for shape in shapes]
-    assert len(colours) == 4
-    for first, second in itertools.combinations(colours, 2):
-        assert np.abs(first - second).max() > 0.2
 
 
 def test_colours_of_the_urdf_stay() -> None:
