@@ -57,6 +57,7 @@ class Objective(ABC):
         criterion: What it asks for, in reasons.
         measures_turn: Whether its merits need the largest turn of the spacecraft along motions.
         compares_motions: Whether its merits are those of each motion alone, whatever the others.
+        compared: Number of candidates within limits whose robust radii are compared.
         approaches: Whether it looks for an attitude near ``from_attitude``, which must be given,
             that keeps the margin within ``spare``.
     """
@@ -65,6 +66,7 @@ class Objective(ABC):
     criterion: ClassVar[str]
     measures_turn: ClassVar[bool] = False
     compares_motions: ClassVar[bool] = True
+    compared: ClassVar[int] = 1
     approaches: ClassVar[bool] = False
 
     @property

@@ -86,6 +86,7 @@ class Robust(Objective):
     name = "robust"
     criterion = "the deepest inside"
     compares_motions = False
+    compared = 6
 
     def merits(self, compared: Comparison, attitudes: Array, motions: EnsembleResult) -> Array:
         """See :class:`Objective`."""

@@ -12,16 +12,17 @@ from freefloat.limits.contact import deepest_contact
 from freefloat.limits.limits import Limits
 from freefloat.motion.problem import Problem
 from freefloat.planning.candidates import Ball, Candidate, NearAttitude, Peak, ScreenedCandidate
-from freefloat.planning.diagnostics import (
+from freefloat.planning.headings import feasible_ranges, has_exact_ranges, heading_depth
+from freefloat.planning.infeasibility import (
     disagreement_message,
     infeasible_distance_message,
     no_feasible_attitude_message,
     no_feasible_heading_message,
 )
-from freefloat.planning.headings import feasible_ranges, has_exact_ranges, heading_depth
 from freefloat.planning.limits.further_search import searched_further
 from freefloat.planning.limits.keeping import keep_limits
-from freefloat.planning.limits.trials import OVER, PassedTrial
+from freefloat.planning.limits.stretching import OVER
+from freefloat.planning.limits.trials import PassedTrial
 from freefloat.planning.motions import (
     SimulatedBranch,
     best_branch,

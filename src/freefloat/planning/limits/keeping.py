@@ -17,6 +17,7 @@ from freefloat.limits.result import LimitResult, all_violations, rounded_up, vio
 from freefloat.planning.candidates import ScreenedCandidate
 from freefloat.planning.headings import heading_depth
 from freefloat.planning.limits.screening import screen
+from freefloat.planning.limits.stretching import Stretching
 from freefloat.planning.limits.trials import PassedTrial, Trials
 from freefloat.planning.motions import SimulatedBranch
 from freefloat.planning.plan import Plan
@@ -40,7 +41,7 @@ _STRETCHED = 256
 """Attitudes from which longer motions are tried where no candidate is known to keep the limits."""
 _BISECTIONS = 10
 _AMONG, _TRIED = "among the samples that keep the limits", "of the samples tried"
-"""What an attitude is chosen from, in reasons: all of them, or those that were not skipped."""
+"""What an attitude is chosen from, in reasons: all of them, or those that were compared."""
 _SAME_ATTITUDE = 1e-9
 """Angle below which attitudes are the same [rad]."""
 
@@ -97,6 +98,10 @@ def _first_passing(
     compared = search.comparison(evaluator, limits, margins)
     total = int(plan.problem.margin.keeps(margins).sum())
     refused: list[ScreenedCandidate] = []
+    found: list[PassedTrial] = []
+    if search.objective.compared > 1 and present is not None:
+        own = trials.best_at(present)
+        found += [own] if own is not None else []
     candidates: Iterable[ScreenedCandidate] = screen(results, compared, trials.checker.pairs)
     most = _MOST
     while True:
@@ -114,16 +119,31 @@ def _first_passing(
                 continue
             passed = trials.at(candidate.attitude, candidate.branch)
             if passed is not None and _has_spare(evaluator, plan, passed[0]):
-                return passed
+                found.append(passed)
+                if len(found) >= search.objective.compared:
+                    return _deepest(evaluator, plan, found)
             fallback = fallback or passed
             if not at_present and trials.refusal not in KNOWN:
                 refused.append(candidate)
             if trials.count >= most:
                 break
+        if found:
+            return _deepest(evaluator, plan, found)
         if fallback is not None or not trials.skipped or trials.count >= most:
             return fallback
         candidates, spacing = trials.skipped, spacing / 2.0
         most = min(_MOST, most if most < _MOST else trials.count + _AGAIN)
+
+
+def _deepest(evaluator: FeasibilityEvaluator, plan: Plan, found: list[PassedTrial]) -> PassedTrial:
+    """Of several motions the one around which attitudes may deviate most."""
+
+    def depth(passed: PassedTrial) -> float:
+        if plan.map is None:
+            return heading_depth(evaluator, plan, passed[0]) or 0.0
+        return radius_around(evaluator, passed[0], plan.map.spacing)
+
+    return max(found, key=depth) if len(found) > 1 else found[0]
 
 
 def _has_spare(evaluator: FeasibilityEvaluator, plan: Plan, chosen: SimulatedBranch) -> bool:
@@ -163,7 +183,7 @@ def _with_candidate(plan: Plan, trials: Trials, passed: PassedTrial) -> Plan:
         excluded=dict(trials.violations),
         robust_radius=heading_depth(trials.evaluator, plan, chosen),
     )
-    among = _TRIED if trials.skipped else _AMONG
+    among = _TRIED if trials.skipped or search.objective.compared > 1 else _AMONG
     reason = search.objective.limited_reason(
         plan.deviation, among, margin_text(chosen.closest_approach)
     )
@@ -184,7 +204,7 @@ def _without_candidate(plan: Plan, trials: Trials) -> Plan:
         attitudes = _attitudes(plan, _STRETCHED)
     else:
         attitudes = plan.map.attitudes[:: max(1, plan.map.samples // _STRETCHED)]
-    stretch, start = trials.sufficient_stretch(attitudes)
+    stretch, start = Stretching(trials).sufficient(attitudes)
     reason = _reason(excluded, results, count)
     if stretch is not None:
         reason += f"; {rounded_up(stretch):.4g} times the duration suffices"

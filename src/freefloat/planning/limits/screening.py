@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from freefloat.ensemble.endings import COMPLETED, LIMITED
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.ensemble.result import BranchResults
 from freefloat.limits.kinds.base_rate import BaseRateLimit
@@ -19,6 +20,7 @@ from freefloat.limits.kinds.clearance import ClearanceLimit
 from freefloat.limits.kinds.joint_range import JointRangeLimit
 from freefloat.limits.kinds.joint_rate import JointRateLimit
 from freefloat.planning.candidates import ScreenedCandidate
+from freefloat.planning.limits.trials import Violations
 from freefloat.planning.objective import Comparison
 from freefloat.robot.joint_ranges import largest_range_ratio
 from freefloat.scene.scene_body import EndEffectorPoses
@@ -48,7 +50,11 @@ def screen(
     """
     evaluator, limits = compared.evaluator, compared.limits
     samples, branches = np.nonzero(evaluator.problem.margin.keeps(results.margins))
-    ranks = compared.objective.ranks(compared, results.attitudes, results.motions)
+    merits = Violations(evaluator, limits)(results.attitudes, results.motions)
+    motions, endings = results.motions, results.motions.endings
+    limited = (merits < -1.0 - _SLACK) & (endings == COMPLETED)
+    motions = motions._replace(endings=np.where(limited, LIMITED, endings))
+    ranks = compared.objective.ranks(compared, results.attitudes, motions)
     order = np.lexsort([keys[samples, branches] for keys in ranks])
     first, size = 0, _FIRST_BATCH
     while first < len(order):

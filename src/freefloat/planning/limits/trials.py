@@ -1,4 +1,4 @@
-"""Precise motions of candidates: what limits they violate, and which duration would be enough."""
+"""Precise motions of candidates: what limits they violate."""
 
 from __future__ import annotations
 
@@ -10,25 +10,13 @@ import numpy as np
 from freefloat.ensemble.endings import COMPLETED, LIMITED, UNREACHED
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.ensemble.result import EnsembleResult
-from freefloat.errors import InputError
 from freefloat.limits.check import LimitChecker
 from freefloat.limits.limits import Limits
-from freefloat.limits.result import LimitResult, needed_stretch, rounded_up
+from freefloat.limits.result import LimitResult, needed_stretch
 from freefloat.planning.candidates import ScreenedCandidate
-from freefloat.planning.motions import SimulatedBranch, evaluator_for, integrate_branch
+from freefloat.planning.motions import SimulatedBranch, integrate_branch
 from freefloat.robot.joint_ranges import largest_range_ratio
 from freefloat.so3 import Array
-
-_STRETCHED = 8
-"""Candidates that are integrated with longer durations."""
-_STRETCHES = 6
-"""Durations that are tried for each of them."""
-_LEAST_SHARE = 0.25
-"""Least share of the excess over a limit that longer durations are taken to reduce."""
-_STEP = 1.25
-"""Smallest ratio of these durations where attitudes are searched."""
-OVER = 1.0 + 1e-5
-"""Slightly more than what just keeps a limit."""
 
 PassedTrial = tuple[SimulatedBranch, tuple[LimitResult, ...]]
 """A motion that keeps margin and limits, and the results of these."""
@@ -42,6 +30,7 @@ class Trials:
     Attributes:
         problem: The problem.
         evaluator: Evaluator of the problem.
+        limits: The limits; None for the margin alone.
         checker: The limits, prepared for its robot.
         violations: How many candidates violate which limit first.
         count: Number of precise motions.
@@ -57,7 +46,7 @@ class Trials:
         problem = evaluator.problem
         self.problem = problem
         self.evaluator = evaluator
-        self._limits = limits
+        self.limits = limits
         self.checker = LimitChecker(problem, limits or Limits(clearance="off"))
         self.violations: Counter[str] = Counter()
         self.count, self.refusal = 0, ""
@@ -82,7 +71,7 @@ class Trials:
         if not simulated.feasible:
             self._refuse("margin")
             return None
-        if self._limits is None:
+        if self.limits is None:
             return simulated, ()
         motion = simulated.motion
         results, first = self.checker.results_unless_violated(motion)
@@ -92,7 +81,7 @@ class Trials:
         excess = _excess(violated)
         if self._nearest is None or excess < self._nearest[0]:
             self._nearest = excess, simulated
-        if _is_too_fast(violated):
+        if is_too_fast(violated):
             self.too_fast.append((needed_stretch(violated), simulated))
         self._refuse(first.limit)
         return None
@@ -108,96 +97,8 @@ class Trials:
         simulated = self._nearest[1]
         return simulated, self.checker.results(simulated.motion)
 
-    def sufficient_stretch(
-        self, attitudes: Array
-    ) -> tuple[float, ScreenedCandidate] | tuple[None, None]:
-        """Factor on the duration with which a candidate keeps everything, and that candidate.
 
-        Without momentum its motion is the same, only slower. With momentum the system rotates
-        farther during a longer motion, so does a tumbling body of the scene, and weights of the arm
-        remain; the factor is then one with which it was integrated.
-
-        Args:
-            attitudes: Others to try with momentum where joint rates are limited, shape (K, 4).
-        """
-        ranked = sorted(self.too_fast, key=lambda entry: entry[0])
-        for needed, simulated in ranked[:_STRETCHED]:
-            attitude, branch = simulated.motion.initial.attitude, simulated.branch.index
-            candidate = ScreenedCandidate(attitude, branch)
-            enough: float | None = needed
-            if self._depends_on_duration:
-                enough = self._integrated_stretch(candidate, needed)
-            if enough is not None:
-                return enough, candidate
-        joint_rate = None if self._limits is None else self._limits.joint_rate
-        if not ranked or joint_rate is None or not self.problem.depends_on_timing:
-            return None, None
-        try:
-            return self._searched_stretch(attitudes, joint_rate, ranked[0][0])
-        except InputError:  # the system would rotate too often
-            return None, None
-
-    @property
-    def _depends_on_duration(self) -> bool:
-        """Whether a longer duration changes more than rates and torques by its powers."""
-        problem = self.problem
-        return problem.depends_on_timing or problem.scene.tumbles or problem.model.gravity > 0.0
-
-    def _integrated_stretch(self, candidate: ScreenedCandidate, needed: float) -> float | None:
-        """Factor with which a candidate's motion, integrated again, keeps everything.
-
-        Returns:
-            None where none was found; the search ends at a longer duration that does not bring the
-            motion nearer to keeping its limits.
-        """
-        factor, share = 1.0, 1.0  # how much of what is too fast a longer duration makes slower
-        for _ in range(_STRETCHES):
-            before, factor = factor, rounded_up(OVER * needed ** (1.0 / share) * factor)
-            try:
-                violated = self._violations(candidate, factor)
-            except InputError:  # the system would rotate too often
-                return None
-            if violated == ():
-                return factor
-            if not violated or not _is_too_fast(violated) or needed_stretch(violated) >= needed:
-                return None
-            after = needed_stretch(violated)
-            share = np.clip(np.log(needed / after) / np.log(factor / before), _LEAST_SHARE, 1.0)
-            needed = after
-        return None
-
-    def _searched_stretch(
-        self, attitudes: Array, joint_rate: Array, factor: float
-    ) -> tuple[float, ScreenedCandidate] | tuple[None, None]:
-        """Factor and candidate from the slowest compiled motions of many attitudes."""
-        for _ in range(_STRETCHES):
-            factor = rounded_up(factor)
-            stretched = self.problem.stretched(factor)
-            evaluator = evaluator_for(stretched, self.evaluator.threads, self._limits)
-            results = evaluator.evaluate(attitudes)
-            ratios = results.motions.rate_usage(joint_rate)
-            ratios[~self.problem.margin.keeps(results.margins)] = np.inf
-            for index in np.argsort(ratios, axis=None)[:_STRETCHED]:
-                row, branch = np.unravel_index(int(index), ratios.shape)
-                candidate = ScreenedCandidate(attitudes[row], int(branch))
-                if ratios[row, branch] <= 1.0 and self._violations(candidate, factor) == ():
-                    return factor, candidate
-            smallest = float(ratios.min())
-            if not np.isfinite(smallest):
-                break
-            factor *= max(_STEP, smallest)
-        return None, None
-
-    def _violations(
-        self, candidate: ScreenedCandidate, factor: float
-    ) -> tuple[LimitResult, ...] | None:
-        """Limits that a candidate violates with a longer duration; None for the margin."""
-        stretched = self.problem.stretched(factor)
-        simulated = integrate_branch(stretched, candidate.attitude, candidate.branch)
-        return self.checker.violations(simulated.motion) if simulated.feasible else None
-
-
-def _is_too_fast(violated: tuple[LimitResult, ...]) -> bool:
+def is_too_fast(violated: tuple[LimitResult, ...]) -> bool:
     """Whether only rates and torques are violated, none of them without bound."""
     return all(result.timed and np.isfinite(result.ratio) for result in violated)
 

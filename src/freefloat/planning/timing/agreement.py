@@ -15,7 +15,7 @@ from freefloat.motion.integration import integrate_motion
 from freefloat.motion.problem import Problem
 from freefloat.paths.time_laws import Speeds, TimeLaw
 from freefloat.paths.timing import Timing
-from freefloat.planning.limits.trials import OVER
+from freefloat.planning.limits.stretching import OVER
 from freefloat.planning.motions import (
     SimulatedBranch,
     evaluator_for,

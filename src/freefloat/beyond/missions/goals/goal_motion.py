@@ -12,10 +12,9 @@ import numpy as np
 from freefloat.beyond.missions.goals.goal import Goal
 from freefloat.beyond.missions.goals.target import EndState
 from freefloat.dynamics.measures import singularity_measure
-from freefloat.dynamics.plane import plane_of, why_in_no_plane
+from freefloat.dynamics.plane import plane_of
+from freefloat.dynamics.summary import natural_task
 from freefloat.dynamics.system import System
-from freefloat.dynamics.tasks import Task, accepted_tasks
-from freefloat.errors import InputError
 from freefloat.limits.contact import Contact
 from freefloat.limits.limits import Limits
 from freefloat.limits.result import LimitResult, all_violations, violated
@@ -29,7 +28,6 @@ from freefloat.paths.time_laws import TimeLaw
 from freefloat.paths.timed_path import TimedPath
 from freefloat.paths.timing import Timing
 from freefloat.planning.answer import Answer, PhaseResult
-from freefloat.robot.model import FreeFloatingModel
 from freefloat.rotations import Rotation
 from freefloat.scene.scene import Scene
 from freefloat.so3 import UPRIGHT, Array
@@ -153,7 +151,7 @@ def goal_problem(
             suit the robot.
     """
     system.model.require_one_arm("motions to a goal")
-    task = _task(system.model)
+    task = natural_task(system.model)
     pose = system.model.end_effector_pose(UPRIGHT, joints)
     plane = plane_of(system.model)
     direction = np.array([1.0, 0.0, 0.0]) if plane is None else plane.axes[:, 0]
@@ -167,14 +165,3 @@ def goal_problem(
     )  # fmt: skip
     problem.attitude(attitude, key="state.attitude")
     return problem
-
-
-def _task(model: FreeFloatingModel) -> Task:
-    """The task whose singularities count: planar where the robot stays in its plane."""
-    if plane_of(model) is not None:
-        return Task.PLANAR_POSITION
-    task = Task.POSE if model.dof >= len(Task.POSE.rows) else Task.POSITION
-    if model.dof < len(task.rows):
-        problem = f"its arm has {model.dof} joints and leaves any plane: {why_in_no_plane(model)}"
-        raise InputError("robot", problem, accepted_tasks(model))
-    return task
