@@ -160,6 +160,20 @@ def test_limits_of_some_rates_or_of_torques_alone_determine_the_duration() -> No
     assert 0.5 <= free.duration <= 0.6  # at 1 rad/s
 
 
+def test_under_accelerations_a_motion_is_hardly_longer_than_the_straight_one() -> None:
+    """The quintic from rest to rest of all joints at once."""
+    system = ff.load_scenario("spatial_6dof/line").problem().system
+    start, end = (
+        np.array([0.0, 0.8, -1.2, 0.0, 0.6, 0.0]),
+        np.array([0.2, 0.3, -0.7, 0.1, 0.9, 0.3]),
+    )
+    straight = np.sqrt(10.0 / np.sqrt(3.0) * np.abs(end - start).max() / 0.01)
+    limits = ff.Limits(joint_rate=0.3, joint_acceleration=0.01, clearance="off")
+    found = ff.move(system, ([0.0, 0.0, 0.0, 1.0], start), ff.Goal(joints=end), limits)
+    assert found.feasible
+    assert found.duration < 1.2 * straight
+
+
 def test_arms_with_parallel_axes_in_their_own_frames_leave_the_plane() -> None:
     places = [("0 0 0.5", "0 0 0"), ("0 0 0.5", "1.5708 0 0"), ("0.4 0 0.5", "0 1.2 0")]
     links = [link_text("bus", inertial_text(90.0, 10.0 * np.eye(3)))]

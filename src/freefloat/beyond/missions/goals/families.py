@@ -55,15 +55,16 @@ def families_of(query: Query, shapes: Sequence[ShapeLimits]) -> Iterator[Relaxat
 
 
 def _accelerations(query: Query) -> Array:
-    """Accelerations of single joints that limits of torques permit at the start, shape (n,)."""
+    """Accelerations that their limits permit, and at the start limits of torques, shape (n,)."""
     limit, (attitude, joints, _) = query.limits.joint_torque, query.start
-    n = len(joints)
+    n, stated = len(joints), query.limits.joint_acceleration
+    most = np.full(n, np.inf) if stated is None else stated
     if limit is None:
-        return np.full(n, np.inf)
+        return most
     dynamics, still = InverseDynamics(query.problem.system), np.zeros(3 + n)
     rest, *torques = (
         dynamics.of_joints(attitude, joints, still, axis).joint_torques
         for axis in (np.zeros(n), *np.eye(n))
     )
     left = np.maximum(limit - np.abs(rest), _LEFT * limit)
-    return np.asarray(left / np.abs(np.diag(torques) - rest))
+    return np.minimum(most, left / np.abs(np.diag(torques) - rest))

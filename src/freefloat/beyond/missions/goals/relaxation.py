@@ -66,8 +66,8 @@ class Relaxation:
         momenta: Of the system and of wheels [N m s], shape (2, 3).
         joint_rate: Limits of joint rates, of joints without limit assumed ones [rad/s or m/s],
             shape (n,).
-        joint_acceleration: Accelerations that limits of torques permit, roughly [rad/s² or m/s²],
-            shape (n,).
+        joint_acceleration: Accelerations that their limits permit, and roughly limits of torques
+            [rad/s² or m/s²], shape (n,).
         base_rate: Limit of the spacecraft's rate [rad/s]; infinite without limit.
         ranges: Of the joints, shape (2, n).
         shapes: Limits that do not depend on rates.
