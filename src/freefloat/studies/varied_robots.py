@@ -144,7 +144,7 @@ class VariedRobot:
             field = f"{part}.{name}"
             nominal = self._nominal(field)
             if name == INERTIA:
-                fields[field] = _matrices(as_numbers(column, _moments_shape(column[0])))
+                fields[field] = _matrices(as_numbers(column, _moments_shape(column)))
             elif index is None:
                 fields[field] = as_numbers(column, nominal.shape)
             else:
@@ -197,9 +197,9 @@ def _link_factors(values: Mapping[str, Column], count: int) -> dict[str, Array]:
     return factors
 
 
-def _moments_shape(value: Any) -> tuple[int]:
-    """The shape of an inertia that is written as three or six moments."""
-    return (6,) if np.shape(value) == (6,) else (3,)
+def _moments_shape(column: Column) -> tuple[int]:
+    """The shape of inertias that are written as three or six moments."""
+    return (6,) if len(column) and np.shape(column[0]) == (6,) else (3,)
 
 
 def _matrices(inertia: Array) -> Array:
