@@ -157,3 +157,15 @@ def test_the_attitude_tolerance_of_a_redundant_arm_is_that_of_its_chosen_motion(
         around = Rotation.from_quat(start.attitude) * Rotation.from_rotvec(turns)
         near = ff.simulate_many(problem, around.as_quat(), joints=start.joints)
         assert bool(near.feasible.all()) is all_keep
+
+
+def test_a_plan_may_leave_tolerances_out() -> None:
+    """Its choice is the same, and its check passes."""
+    problem, search = bundled("spatial_6dof/line"), ff.Search("nearest", [0, 0, 0, 1], samples=128)
+    whole, quick = (ff.plan(problem, search, tolerances=wanted) for wanted in (True, False))
+    assert (quick.tolerance, quick.radius_effort) == (None, None)
+    assert whole.chosen is not None
+    assert quick.chosen is not None
+    attitudes = [plan.chosen.motion.initial.attitude for plan in (whole, quick)]
+    np.testing.assert_array_equal(*attitudes)
+    assert ff.check(quick).passed

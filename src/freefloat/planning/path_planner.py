@@ -55,6 +55,7 @@ def plan_path(
     progress: Progress | None,
     to_retime: bool = False,
     to_stretch: bool = False,
+    tolerances: bool = True,
 ) -> Plan:
     """Plan with the timing as it is; ``known`` is as for :func:`keep_limits`.
 
@@ -72,7 +73,8 @@ def plan_path(
     )
     if to_retime and problem.depends_on_timing and result.feasible:
         return result
-    return _with_tolerances(evaluator, certified(result))
+    result = certified(result)
+    return _with_tolerances(evaluator, result) if tolerances else result
 
 
 def stretched_plan(plan: Callable[..., Plan], problem: Problem) -> Plan:

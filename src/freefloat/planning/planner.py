@@ -24,6 +24,7 @@ def plan(
     limits: Limits | None = None,
     *,
     stretch: bool = False,
+    tolerances: bool = True,
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> Plan:
@@ -39,6 +40,8 @@ def plan(
         limits: Limits to keep in addition to the margin, and joint ranges with them; those of the
             problem when left out.
         stretch: Whether the duration may grow until rates and torques keep their limits.
+        tolerances: Whether the robust radius and the tolerances of momentum and duration are
+            computed, of spatial tasks half of the work.
         threads: Number of cores to use; all available ones when left out.
         progress: Called with the fraction done, in [0, 1]; where ranges of heading are exact, at
             the end alone.
@@ -60,7 +63,9 @@ def plan(
     require_type("search", search, Search, "a Search, such as Search(samples=1024)")
     limits = limits_for(problem, limits)
     problem = search.applied_to(problem)
-    planned = partial(plan_path, search=search, threads=threads, progress=progress)
+    planned = partial(
+        plan_path, search=search, tolerances=tolerances, threads=threads, progress=progress
+    )
     if problem.path.timing.is_sought:
         return _fastest_plan(problem, limits or Limits(), planned, threads)
     planned = partial(planned, limits=limits)

@@ -79,7 +79,7 @@ def known_robustness(plan: Plan) -> dict[str, Any]:
     known |= {"ranges": (), "segments": (), "map": samples}
     if plan.map is not None:
         known["map"] = known_samples(plan.map, samples)
-    if chosen is None or not plan.feasible:
+    if chosen is None or not plan.feasible or plan.tolerance is None:
         return known | dict.fromkeys(("robust_radius", "radius_effort", "tolerance"))
     start, branch = chosen.motion.initial.attitude, chosen.branch
     tolerated = tolerance(evaluator.integrator, start, branch.joints)
