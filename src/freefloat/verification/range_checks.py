@@ -79,15 +79,19 @@ def known_robustness(plan: Plan) -> dict[str, Any]:
     known |= {"ranges": (), "segments": (), "map": samples}
     if plan.map is not None:
         known["map"] = known_samples(plan.map, samples)
-    if chosen is None or not plan.feasible or plan.tolerance is None:
+    stated = plan.robust_radius is not None or plan.tolerance is not None
+    if chosen is None or not plan.feasible or not stated:
         return known | dict.fromkeys(("robust_radius", "radius_effort", "tolerance"))
-    start, branch = chosen.motion.initial.attitude, chosen.branch
-    tolerated = tolerance(evaluator.integrator, start, branch.joints)
-    values = {name: value for name, value in vars(tolerated).items() if name != "momentum_effort"}
     radius = radius_around(evaluator, chosen, samples.spacing)
     near, far = sorted((plan.robust_radius or 0.0, radius))
     if near >= (1.0 - _EXACT) * far or far > _APART * near:
         known["robust_radius"] = radius
+    if plan.tolerance is None:
+        return known | dict.fromkeys(("radius_effort", "tolerance"))
+    tolerated = tolerance(
+        evaluator.integrator, chosen.motion.initial.attitude, chosen.branch.joints
+    )
+    values = {name: value for name, value in vars(tolerated).items() if name != "momentum_effort"}
     return known | {"tolerance": Known(Tolerance, values)}
 
 
