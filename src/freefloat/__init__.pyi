@@ -66,7 +66,7 @@ from .limits.check import check_limits as check_limits
 
 # Beyond the paper: further arms, redundancy and wheels
 from .dynamics.redundancy import Redundancy as Redundancy
-from .motion.arm_curves import ArmCurve as ArmCurve
+from .motion.joint_curves import ArmCurve as ArmCurve
 
 # Beyond the paper: timing
 from .planning.timing.retiming import retime as retime

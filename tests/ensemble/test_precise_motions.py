@@ -7,7 +7,7 @@ import pytest
 
 import freefloat as ff
 from freefloat.ensemble.ensemble import EnsembleIntegrator
-from freefloat.ensemble.motions_one_by_one import PreciseIntegrator
+from freefloat.ensemble.integrators import PreciseIntegrator
 from freefloat.motion.pointing import AttitudeLimits
 from tests.ensembles import headings, states
 

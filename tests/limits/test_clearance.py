@@ -8,9 +8,8 @@ import pytest
 
 import freefloat as ff
 from freefloat.errors import ModelError
-from freefloat.limits.clearance import clearance
+from freefloat.limits.clearance import clearance, joint_levers
 from freefloat.limits.collision import collision_shapes
-from freefloat.limits.levers import joint_levers
 from freefloat.limits.pairs import CollisionPairs
 from freefloat.robot.model import FreeFloatingModel
 from tests.errors import error_key

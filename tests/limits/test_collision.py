@@ -8,7 +8,7 @@ import trimesh
 from scipy.spatial import ConvexHull, Delaunay
 from scipy.spatial.transform import Rotation
 
-from freefloat.limits.collision import collision_shapes, convex_parts, scene_shapes
+from freefloat.limits.collision import all_shapes, convex_parts, shapes_of_bodies, shapes_of_links
 from freefloat.limits.pairs import CollisionPairs
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.validation import read_urdf
@@ -57,7 +57,7 @@ def test_shapes_are_those_of_all_links_and_bodies(tmp_path):
     more += joint_text("d", "F", "hand", "b2", "0 0 1")
     model = FreeFloatingModel.from_urdf(prismatic_robot(ball, ball, more), "hand")
     scene = Scene([SceneBody("rake", str(file), [9.0, 0.0, 0.0]), SceneBody("wall", str(file))])
-    shapes = collision_shapes(model)
+    shapes = all_shapes(shapes_of_links(model, visuals=True))
     comb = [shape for shape in shapes if shape.link == "comb"]
     others = [(shape.link, shape.body) for shape in shapes if shape not in comb]
     assert others == [("bus", 0), ("hand", 3), ("b2", 3)]
@@ -66,7 +66,7 @@ def test_shapes_are_those_of_all_links_and_bodies(tmp_path):
     local = place.inv().apply(ends - [1.0, 2.0, 3.0])
     np.testing.assert_allclose([local.min(axis=0), local.max(axis=0)], [[0, 0, 1], [8.3, 3, 2]],
                                atol=1e-6)  # fmt: skip
-    names = [(shape.link, shape.body) for shape in scene_shapes(scene, 4)]
+    names = [(shape.link, shape.body) for shape in all_shapes(shapes_of_bodies(scene, 4))]
     assert names == [("rake", 4)] * 6 + [("wall", 5)] * 6
 
 
@@ -80,19 +80,20 @@ def test_distances_of_capsules_are_those_of_a_segment(height):
     (distance,) = pairs.distances(np.array([0.8, 0.0, 0.0]), np.arange(len(pairs.pairs)))
     expected = np.hypot(0.8, max(height - 0.9, 0.0)) - 0.2 - 0.1
     assert distance == pytest.approx(expected, abs=1e-6)
-    (shape,) = [shape for shape in collision_shapes(model) if shape.link == "bus"]
+    (shape,) = [shape for shape in pairs.shapes if shape.link == "bus"]
     assert np.abs(shape.points).max(axis=0).tolist() == pytest.approx([0.2, 0.2, 1.1])
 
 
 def test_a_thousand_shapes_are_the_most():
-    def calls(count):
+    def owners(count):
         balls = shape_text('<sphere radius="0.1"/>') * count
         model = FreeFloatingModel.from_urdf(prismatic_robot(hand=balls), "hand")
         many = read_urdf(f'<robot name="r"><link name="a">{balls}</link></robot>', mounted=True)
-        return (collision_shapes, model), (scene_shapes, Scene([SceneBody("many", many)]), 4)
+        scene = Scene([SceneBody("many", many)])
+        return shapes_of_links(model, visuals=True), shapes_of_bodies(scene, 4)
 
-    assert [len(shapes(*arguments)) for shapes, *arguments in calls(1000)] == [1000, 1000]
-    assert [error_key(*call) for call in calls(1001)] == ["limits.clearance"] * 2
+    assert [len(all_shapes(every)) for every in owners(1000)] == [1000, 1000]
+    assert [error_key(all_shapes, every) for every in owners(1001)] == ["limits.clearance"] * 2
 
 
 def test_the_parts_hold_all_of_the_mesh(rng):

@@ -8,8 +8,8 @@ import pytest
 from freefloat.io.scenario.scenario import load_scenario
 from freefloat.limits.check import check_limits
 from freefloat.limits.limits import Limits
+from freefloat.motion.joint_curves import JointSpline
 from freefloat.motion.joint_integration import integrate_spline
-from freefloat.motion.joint_spline import JointSpline
 from freefloat.planning.planner import plan
 from freefloat.planning.settings import Search
 from freefloat.robot.shapes import Sphere

@@ -9,8 +9,8 @@ from scipy.optimize import minimize_scalar
 from scipy.spatial.transform import Rotation
 
 from freefloat.io.scenario.scenario import load_scenario
+from freefloat.limits.check import deepest_contact
 from freefloat.limits.clearance import clearance
-from freefloat.limits.contact import deepest_contact
 from freefloat.limits.pairs import CollisionPairs
 from freefloat.motion.integration import integrate_motion
 from freefloat.robot.model import FreeFloatingModel

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 import freefloat as ff
 from freefloat.dynamics.momentum import inertia_matrices
 from freefloat.dynamics.tasks import Task
-from freefloat.motion.joint_spline import JointSpline
+from freefloat.motion.joint_curves import JointSpline
 from tests.errors import error_key
 from tests.robots import inertial_text, joint_text, link_text
 

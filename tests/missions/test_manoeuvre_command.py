@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import freefloat as ff
-from freefloat.motion.joint_spline import JointSpline
+from freefloat.motion.joint_curves import JointSpline
 from tests.commands import document, error, run
 
 SCENARIO = """

@@ -9,8 +9,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import freefloat as ff
+from freefloat.motion.joint_curves import JointSpline
 from freefloat.motion.joint_integration import integrate_spline
-from freefloat.motion.joint_spline import JointSpline
 from freefloat.motion.law import PathLaw
 from freefloat.motion.motion import Motion
 

@@ -11,7 +11,7 @@ import yaml
 import freefloat as ff
 from freefloat.robot.bundled import find_scenario
 from freefloat.studies.estimate import why_run_by_run
-from freefloat.studies.groups import group_of
+from freefloat.studies.groups import grouped
 from freefloat.studies.study import Study
 from tests.commands import document, run
 from tests.example_studies import a_study
@@ -93,4 +93,4 @@ def test_other_commands_consider_contact_and_robots_without_shapes_say_nothing(
         assert ff.check(saved).passed
     shapeless = a_study(tmp_path, DRAWN, cases=20)
     assert shapeless.contact_unchecked is None
-    assert group_of(shapeless, 0) is not None
+    assert grouped(shapeless, 0)[0] is not None

@@ -12,7 +12,7 @@ import freefloat as ff
 from freefloat.studies.disturbances import group_numbers
 from freefloat.studies.ensembles import chunks, computed
 from freefloat.studies.estimate import why_run_by_run
-from freefloat.studies.groups import group_of
+from freefloat.studies.groups import grouped
 from freefloat.studies.portable import PortableStudy
 from freefloat.studies.run import execute
 from freefloat.studies.runner import run_study
@@ -173,7 +173,7 @@ def test_few_and_other_runs_are_executed_alone_and_say_why(tmp_path: Path) -> No
         assert word in str(why_run_by_run(study))
     fractions = BASE | {"margin": FRACTION | {"fraction_of": "run"}}
     study = a_study(tmp_path, ROBOTS, base=fractions, cases=30, files="none")
-    assert group_of(study, 0) is None
+    assert grouped(study, 0)[0] is None
     assert "fraction_of: run" in str(why_run_by_run(study))
     assert why_run_by_run(a_study(tmp_path, momentum, cases=30, files="none")) is None
 

@@ -18,8 +18,8 @@ from freefloat.errors import InputError
 from freefloat.studies.database import open_results
 from freefloat.studies.report import save_report
 from freefloat.studies.results import StudyResult
+from freefloat.studies.rows import save_tables
 from freefloat.studies.study import Study
-from freefloat.studies.tables import save_tables
 from tests.errors import error_key
 from tests.example_studies import BASE, a_study, finished
 from tests.samples import NAME

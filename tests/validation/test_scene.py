@@ -11,7 +11,6 @@ from scipy.spatial.transform import Rotation
 from scipy.special import ellipj
 
 import freefloat as ff
-from freefloat.limits.collision import collision_shapes, scene_shapes
 from freefloat.limits.pairs import CollisionPairs
 from freefloat.robot.mesh_files import find_mesh
 from freefloat.robot.shapes import MeshFile
@@ -130,8 +129,7 @@ def test_distances_of_meshes_are_those_of_mujoco(name, rng):
         ff.SceneBody("part", MeshFile(str(mesh), (3.0, 3.0, 3.0))),
     ])  # fmt: skip
     pairs = CollisionPairs(model, scene=scene)
-    others = np.flatnonzero(pairs.pairs[:, 1] >= len(collision_shapes(model)))
-    shapes = collision_shapes(model) + scene_shapes(scene, len(model.bodies))
+    shapes, others = pairs.shapes, np.flatnonzero(pairs.bodies[:, 1] > model.dof)
     for _ in range(3):
         attitude, joints = Rotation.random(rng=rng).as_quat(), rng.uniform(-2.0, 2.0, model.dof)
         poses = [

@@ -15,10 +15,10 @@ import freefloat as ff
 from freefloat.beyond.engines.engine_runs import MuJoCo
 from freefloat.certificate.certificate import certify
 from freefloat.ensemble.ensemble import EnsembleIntegrator
-from freefloat.ensemble.equivalence import equivalents
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.ensemble.recorded_motions import RecordedMotions
-from freefloat.limits.many_torques import largest_torques
+from freefloat.ensemble.systems import equivalents
+from freefloat.limits.recorded_limits import largest_torques
 from freefloat.so3 import heading_quaternion
 from freefloat.verification import range_checks
 from freefloat.verification.comparisons import Check

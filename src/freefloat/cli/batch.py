@@ -265,7 +265,7 @@ def _combination_tables(combinations: list[Combination]) -> Iterator[RenderableT
     for entry in combinations[:_MAX_ROWS]:
         margin = "" if entry.margin is None else f"{entry.margin:.6g}"
         values = map(_short, entry.parameters.values())
-        rows.add_row(*map(Text, [*values, f"{entry.feasible:,}", f"{entry.runs:,}", margin]))
+        rows.add_row(*map(Text, [*values, f"{entry.feasible:,}", f"{entry.cases:,}", margin]))
     yield rows
     if len(combinations) > _MAX_ROWS:
         yield f"and {len(combinations) - _MAX_ROWS:,} more"

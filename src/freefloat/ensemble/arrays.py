@@ -8,26 +8,17 @@ from functools import lru_cache
 import numpy as np
 
 from freefloat.dynamics.arm_factor import ArmPlane
-from freefloat.dynamics.kernels.robot import REACH, Robot
-from freefloat.dynamics.link_frames import LinkFrames, frames_at_zero, link_frames
+from freefloat.dynamics.further_arms import spacecraft_moments
+from freefloat.dynamics.kernel_axes import KernelAxes
+from freefloat.dynamics.kernels.robot import REACH, FurtherArms, Robot
+from freefloat.dynamics.link_frames import LinkFrames, frames_at_zero, in_frame, link_frames
 from freefloat.dynamics.measures import KEYS, unit_of_length
-from freefloat.dynamics.redundancy import (
-    Metric,
-    Toward,
-    joint_weights,
-    range_centres,
-)
+from freefloat.dynamics.redundancy import Metric, Toward, joint_weights, range_centres
 from freefloat.dynamics.robot_arrays import kernel_robot
 from freefloat.dynamics.tasks import Task
-from freefloat.ensemble.arm_moments import NODES, cubics_through, kernel_arms
 from freefloat.ensemble.kernels.cones import AXIS, ORIGIN, TARGET
 from freefloat.ensemble.kernels.dormand_prince import TABLEAU
-from freefloat.ensemble.kernels.null_space import (
-    ENERGY,
-    MIDDLE_OF_RANGE,
-    SIGMA,
-    WEIGHTED,
-)
+from freefloat.ensemble.kernels.null_space import ENERGY, MIDDLE_OF_RANGE, SIGMA, WEIGHTED
 from freefloat.ensemble.kernels.records import (
     CONE_COLUMNS,
     Cones,
@@ -44,12 +35,55 @@ from freefloat.paths.timed_path import TimedPath
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import UPRIGHT, Array
 
+_ARM_CELLS, _MOMENT_ERROR = (64, 256, 1024), 1e-10
+"""Numbers of cubics that approximate the moments over the duration, and their relative error."""
+NODES = np.array([0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0, 0.5])
+"""Fractions of a cell: four nodes of a cubic, and a place where its error is known."""
+_THROUGH_NODES = np.linalg.inv(np.vander(NODES[:4], increasing=True))
+"""Maps values at the first four nodes to the cubic's coefficients, lowest power first."""
 _CELLS, _TANGENT_ERROR = (1, 4, 32, 256), 1e-11
 """Numbers of cubics that approximate the path's tangent, and their relative error."""
 _ROUGH = 1e-8
 """Relative error from which a path is refused: it has breaks that it does not name."""
 _ERROR = 100.0
 """Error of the angles of compiled motions [rad], by the tolerance of their steps."""
+
+
+def kernel_arms(problem: Problem, frames: LinkFrames) -> FurtherArms:
+    """Moments of the spacecraft with the further arms of a problem, which move along joint curves.
+
+    Seen from the spacecraft, these arms change its first moment and inertia, and have a linear and
+    an angular momentum of their own; equation (4) knows nothing else of them.
+
+    Args:
+        problem: Robot and joint curves.
+        frames: Link frames of the robot whose further arms are fixed.
+    """
+    axes, origin = frames.base[:3], frames.base[3]
+    for number in _ARM_CELLS:
+        times = (np.arange(number)[:, None] + NODES) * (problem.path.duration / number)
+        joints, rates = (problem.arms.at(times, order) for order in (0, 1))
+        rows, momenta = spacecraft_moments(problem.model, joints, rates)
+        momenta = KernelAxes.of(problem.model, problem.task).seen(momenta)
+        rows = in_frame(rows, axes, -axes @ origin)
+        values = np.concatenate([rows[..., 1:4], momenta, rows[..., 4:]], axis=-1)
+        cubics, error = cubics_through(values)
+        size = np.abs(values).max(axis=(0, 1)) + np.abs(values[..., 3:]).max()
+        if (error.max(axis=0) <= _MOMENT_ERROR * size).all():
+            break
+    return FurtherArms(number, number / problem.path.duration, cubics)
+
+
+def cubics_through(values: Array) -> tuple[Array, Array]:
+    """Cubics through values at ``NODES`` of cells, shape (cells, 5, m).
+
+    Returns:
+        Coefficients, highest power first, shape (cells, m, 4), and errors at the last of the nodes,
+        shape (cells, m).
+    """
+    cubics = np.einsum("pk,nki->nip", _THROUGH_NODES, values[:, :4])[..., ::-1]
+    error = np.abs(values[:, 4] - cubics @ (0.5 ** np.arange(3, -1, -1)))
+    return np.ascontiguousarray(cubics), error
 
 
 @lru_cache(maxsize=8)

@@ -27,11 +27,11 @@ from freefloat.ensemble.endings import (
     STRICT,
 )
 from freefloat.ensemble.ensemble import EnsembleIntegrator
-from freefloat.ensemble.equivalence import ScaledMotions
 from freefloat.ensemble.known_limits import KnownLimits, LimitValues
 from freefloat.ensemble.many_motions import ManyMotions
 from freefloat.ensemble.result import EnsembleResult
 from freefloat.ensemble.starts import starts_at
+from freefloat.ensemble.systems import ScaledMotions
 from freefloat.ensemble.tolerances import STEP_TOLERANCE
 from freefloat.errors import IntegrationError
 from freefloat.motion.extrema import closest_approach
@@ -101,28 +101,24 @@ def integrate_disturbed(
         turns = limits.turns(motions)
     chosen = _best(owners, motions, preferred, len(attitudes))
     found = chosen >= 0
+
+    def of_chosen(values: Array, missing: float) -> Any:
+        """Values of the chosen motions, one for each attitude."""
+        every = np.full((len(attitudes), *values.shape[1:]), missing, values.dtype)
+        every[found] = values[chosen[found]]
+        return every
+
     table = EnsembleResult.empty((len(attitudes),), problem.model.arm_dof, motions.slacks.shape[1])
     table.assign(found, EnsembleResult._make(values[chosen[found]] for values in motions))
-    first, branches = np.full((2, len(attitudes)), -1)
-    first[found] = columns[chosen[found]]
-    branches[found] = starts.branches[np.arange(len(attitudes)), first][found]
-    by = np.zeros(len(attitudes), np.int8)
-    by[found] = deciders[chosen[found]]
-    initial = np.full((len(attitudes), problem.model.arm_dof), np.nan)
-    initial[found] = begun[chosen[found]]
-    turned = np.full(len(attitudes), np.nan)
-    turned[found] = turns[chosen[found]]
-    of_limits = LimitValues.empty(len(attitudes), values.ratios.shape[1])
-    for array, of_all in zip(of_limits, values, strict=True):
-        array[found] = of_all[chosen[found]]
     shifts = shifts_into_ranges(problem.model_at(), table.lower, table.upper)
     return ManyMotions(
-        np.array(attitudes), initial + shifts, branches, table.endings,
+        np.array(attitudes), of_chosen(begun, np.nan) + shifts,
+        of_chosen(starts.branches[owners, columns], -1), table.endings,
         table.ended_at * disturbed.stretches, table.minimum * disturbed.magnifications,
-        table.minimum_at * disturbed.stretches, np.array(thresholds), by,
+        table.minimum_at * disturbed.stretches, np.array(thresholds), of_chosen(deciders, 0),
         table.lower + shifts, table.upper + shifts, table.attitudes,
-        table.rates / disturbed.stretches[:, None], table.base_rate / disturbed.stretches, turned,
-        of_limits,
+        table.rates / disturbed.stretches[:, None], table.base_rate / disturbed.stretches,
+        of_chosen(turns, np.nan), LimitValues._make(map(of_chosen, values, (np.nan, np.nan, 0, 0))),
     )  # fmt: skip
 
 

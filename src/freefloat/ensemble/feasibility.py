@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -11,7 +10,7 @@ import numpy.typing as npt
 from freefloat.attitude_grids import attitude_grid
 from freefloat.concurrency import Progress, require_memory, run_chunks
 from freefloat.ensemble.endings import COMPLETED
-from freefloat.ensemble.integrators import integrator_for
+from freefloat.ensemble.integrators import Integrator, integrator_for
 from freefloat.ensemble.result import REGULAR_RATIO, BranchResults, EnsembleResult
 from freefloat.ensemble.tolerances import STEP_TOLERANCE
 from freefloat.ensemble.wrist_flips import WRIST_BODIES, flip_wrists, has_wrist_flipped_branches
@@ -20,9 +19,6 @@ from freefloat.motion.margin import keeps_threshold
 from freefloat.motion.pointing import AttitudeLimits
 from freefloat.motion.problem import Problem, require_problem
 from freefloat.so3 import Array, IntArray
-
-if TYPE_CHECKING:
-    from freefloat.ensemble.integrators import Integrator
 
 _REDUCTION = 4
 """Reduction of the number of attitudes in searches whose arm branches have no closed form."""

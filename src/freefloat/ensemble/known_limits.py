@@ -10,8 +10,8 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from freefloat.ensemble.equivalence import ScaledMotions
 from freefloat.ensemble.result import EnsembleResult
+from freefloat.ensemble.systems import ScaledMotions
 from freefloat.motion.pointing import AttitudeLimits
 from freefloat.robot.joint_ranges import range_ratios, shifts_into_ranges
 from freefloat.robot.model import FreeFloatingModel

@@ -9,7 +9,7 @@ from numpy.polynomial import chebyshev
 
 from freefloat.ensemble.endings import COMPLETED
 from freefloat.ensemble.ensemble import EnsembleIntegrator
-from freefloat.ensemble.equivalence import ScaledMotions
+from freefloat.ensemble.systems import ScaledMotions
 from freefloat.motion.panels import DEGREE, NODES, TO_COEFFICIENTS
 from freefloat.so3 import Array, BoolArray
 

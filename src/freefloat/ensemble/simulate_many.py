@@ -9,9 +9,9 @@ import numpy.typing as npt
 
 from freefloat.concurrency import Progress
 from freefloat.ensemble.disturbed_motions import integrate_disturbed
-from freefloat.ensemble.equivalence import FACTORS, broadcast, equivalents
 from freefloat.ensemble.many_motions import ManyMotions
 from freefloat.ensemble.robots import Robots
+from freefloat.ensemble.systems import FACTORS, broadcast, equivalents
 from freefloat.errors import InputError, number_array, whole_number
 from freefloat.motion.problem import Problem, require_problem
 from freefloat.robot.model import FreeFloatingModel

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from functools import lru_cache
 
 import numpy as np
 
@@ -80,12 +79,26 @@ def _starts_of_robot(
     """Those of the problem's robot; paths may have offsets, shape (K, 3)."""
     same = offsets is None and len(attitudes) > 1 and bool((attitudes == attitudes[0]).all())
     same &= joints is None or joints.ndim == 1
-    if not same:
-        return _distinct_starts(problem, attitudes, branch, joints, offsets)
-    near = None if joints is None else tuple(joints.tolist())
-    starts = _starts_of_one(problem, tuple(attitudes[0].tolist()), branch, near)
-    every = np.zeros(len(attitudes), dtype=int)
-    return Starts(starts.joints[every], starts.branches[every])
+    if same:
+        starts = _starts_of_robot(problem, attitudes[:1], branch, joints)
+        every = np.zeros(len(attitudes), dtype=int)
+        return Starts(starts.joints[every], starts.branches[every])
+    if joints is None:
+        sets = problem.many_branches(attitudes, offsets=offsets)
+        numbers = np.where(sets.exist, np.arange(sets.names.shape[1]), -1)
+        if branch is None:
+            if has_wrist_flipped_branches(problem):  # the same motions: the first counts
+                numbers[:, 1::2] = np.where(sets.exist[:, ::2], -1, numbers[:, 1::2])
+            return Starts(sets.joints, numbers)
+        column = slice(branch, branch + 1)
+        if not numbers[:, column].size:
+            return _none(len(attitudes), problem.model.arm_dof)
+        return Starts(sets.joints[:, column], numbers[:, column])
+    poses = problem.poses_seen_from(attitudes, offsets=offsets)
+    sets = closest_branches(problem.model_at(), *poses, problem.task, joints)
+    rows, columns = np.arange(len(attitudes)), sets.exist.argmax(axis=1)
+    numbers = np.where(sets.exist.any(axis=1), columns, -1)
+    return Starts(sets.joints[rows, columns][:, None], numbers[:, None])
 
 
 def _starts_of_robots(
@@ -160,42 +173,6 @@ def _near_starts(
     far = np.abs(q[rows, columns] - begun).max(axis=1, initial=0.0) > _FAR
     near[rows, columns] = (residuals < CONVERGED) & ~far
     return q, np.asarray(near.all(axis=1))
-
-
-@lru_cache(maxsize=8)
-def _starts_of_one(
-    problem: Problem,
-    attitude: tuple[float, ...],
-    branch: int | None,
-    joints: tuple[float, ...] | None,
-) -> Starts:
-    near = None if joints is None else np.array(joints)
-    return _distinct_starts(problem, np.array([attitude]), branch, near)
-
-
-def _distinct_starts(
-    problem: Problem,
-    attitudes: Array,
-    branch: int | None,
-    joints: Array | None,
-    offsets: Array | None = None,
-) -> Starts:
-    if joints is None:
-        sets = problem.many_branches(attitudes, offsets=offsets)
-        numbers = np.where(sets.exist, np.arange(sets.names.shape[1]), -1)
-        if branch is None:
-            if has_wrist_flipped_branches(problem):  # the same motions: the first counts
-                numbers[:, 1::2] = np.where(sets.exist[:, ::2], -1, numbers[:, 1::2])
-            return Starts(sets.joints, numbers)
-        column = slice(branch, branch + 1)
-        if not numbers[:, column].size:
-            return _none(len(attitudes), problem.model.arm_dof)
-        return Starts(sets.joints[:, column], numbers[:, column])
-    poses = problem.poses_seen_from(attitudes, offsets=offsets)
-    sets = closest_branches(problem.model_at(), *poses, problem.task, joints)
-    rows, columns = np.arange(len(attitudes)), sets.exist.argmax(axis=1)
-    numbers = np.where(sets.exist.any(axis=1), columns, -1)
-    return Starts(sets.joints[rows, columns][:, None], numbers[:, None])
 
 
 def _none(count: int, n: int) -> Starts:

@@ -1,17 +1,31 @@
-"""The systems of many motions: momenta, drifts, robots, ends of lines that differ in each."""
+"""The systems of many motions: momenta, drifts, robots, ends of lines that differ in each.
+
+Disturbed motions, whose durations or masses are others, too, are motions of such systems.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 
 import numpy as np
+import numpy.typing as npt
 
 from freefloat.dynamics.system import System
 from freefloat.ensemble.robots import Robots
-from freefloat.errors import InputError
+from freefloat.errors import LARGEST_NUMBER, InputError, number_array
 from freefloat.motion.problem import Problem
-from freefloat.motion.revolutions import mean_inertia, revolutions
+from freefloat.motion.problem_parts import (
+    MAX_REVOLUTIONS,
+    mean_inertia,
+    require_along_normal,
+    require_in_plane,
+    revolutions,
+)
 from freefloat.so3 import Array, BoolArray, IntArray
+
+FACTORS = "numbers from 1e-6 to 1e6", 1e-6, 1e6
+_DURATIONS = "numbers from 1e-6 to 1e12", 1e-6, 1e12
+"""What is accepted of factors and of durations [s], and their bounds."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,21 +48,10 @@ class Systems:
     offsets: Array | None = field(default=None, repr=False)
 
     @classmethod
-    def of(
-        cls,
-        problem: Problem,
-        momenta: Array | None = None,
-        wheels: Array | None = None,
-        drifts: Array | None = None,
-        robots: Robots | None = None,
-    ) -> Systems:
-        """The systems of a problem with other momenta, drifts or robots."""
-        return cls(
-            problem.momentum if momenta is None else momenta,
-            problem.wheel_momentum if wheels is None else wheels,
-            problem.path.drift if drifts is None else drifts,
-            robots,
-        )
+    def of(cls, problem: Problem, momenta: Array | None = None) -> Systems:
+        """The systems of a problem, perhaps with other momenta."""
+        momenta = problem.momentum if momenta is None else momenta
+        return cls(momenta, problem.wheel_momentum, problem.path.drift)
 
     def __getitem__(self, chosen: BoolArray | IntArray | slice) -> Systems:
         """Those of some motions, where every array is one for each."""
@@ -103,3 +106,128 @@ class Systems:
         own = (v if v.ndim == 1 else v[k] for v in (self.momenta, self.wheels, self.drifts))
         system = System(problem.model, *own)
         return problem.with_system(system)
+
+
+@dataclass(frozen=True, eq=False)
+class ScaledMotions:
+    """Motions of a problem that stand for disturbed ones.
+
+    Attributes:
+        problem: The nominal problem.
+        systems: Their momenta, drifts and robots, one for each motion.
+        stretches: Times of the disturbed motions over those of these, shape (K,).
+        factors: Factors on all masses and inertias, which the systems do not have, shape (K,).
+        scales: Factors on the ratios of the quantities of limits, see
+            :attr:`.KnownLimits.places`, shape (K, Q).
+    """
+
+    problem: Problem
+    systems: Systems = field(repr=False)
+    stretches: Array = field(repr=False)
+    factors: Array = field(repr=False)
+    scales: Array = field(repr=False)
+
+    def __len__(self) -> int:
+        return len(self.stretches)
+
+    def __getitem__(self, chosen: BoolArray | IntArray | slice) -> ScaledMotions:
+        """Some of the motions."""
+        return ScaledMotions(
+            self.problem, self.systems[chosen], self.stretches[chosen], self.factors[chosen],
+            self.scales[chosen],
+        )  # fmt: skip
+
+    @property
+    def magnifications(self) -> Array:
+        """Values of the measure along the disturbed motions over those of these, shape (K,)."""
+        return np.asarray(self.factors**self.problem.margin.measure.mass_power)
+
+    def problem_of(self, k: int) -> Problem:
+        """The problem of motion k."""
+        return self.systems.problem_of(self.problem, k)
+
+    @property
+    def turns_too_often(self) -> BoolArray:
+        """Whose systems would rotate more often than problems may, shape (K,)."""
+        return self.systems.revolutions(self.problem) > MAX_REVOLUTIONS
+
+
+def equivalents(
+    problem: Problem,
+    count: int,
+    *,
+    momenta: npt.ArrayLike | None = None,
+    wheels: npt.ArrayLike | None = None,
+    drifts: npt.ArrayLike | None = None,
+    durations: npt.ArrayLike | None = None,
+    scale_mass: npt.ArrayLike = 1.0,
+    robots: Robots | None = None,
+    scales: Array | None = None,
+    offsets: Array | None = None,
+) -> ScaledMotions:
+    """The motions of a problem that stand for disturbed ones.
+
+    A motion with duration T, momentum h and all masses and inertias multiplied by s is the nominal
+    one (duration T0) with momentum h T / (T0 s), run through T / T0 times as slowly: equation (4)
+    is linear in momentum and rates, and S* does not change. Momentum in wheels scales likewise, the
+    velocity of the centre of mass with T / T0 alone.
+
+    Args:
+        problem: The nominal problem.
+        count: Number K of motions; an argument is one value for all, or one for each.
+        momenta: Angular momenta [N m s], shape (3,) or (K, 3); the problem's when left out.
+        wheels: Momenta stored in wheels [N m s], likewise.
+        drifts: Velocities of the centre of mass [m/s], likewise.
+        durations: Durations of the path [s], shape () or (K,).
+        scale_mass: Factors on all masses and inertias, shape () or (K,).
+        robots: K robots, without these factors; the problem's when left out.
+        scales: Factors on the ratios of limits, shape (K, Q); 1 when left out.
+        offsets: Of the ends of a line, see :class:`.Systems`; none when left out.
+
+    Raises:
+        InputError: If a value is not accepted, or a duration is given for a path in the frame of a
+            body, which moves in its own time.
+    """
+    nominal = problem.path.duration
+    stretches = np.ones(count)
+    if durations is not None:
+        stretches = broadcast("durations", durations, (count,), *_DURATIONS) / nominal
+        if problem.path.frame is not None and (stretches != 1.0).any():
+            moving = "the path is stated in the frame of a body of the scene"
+            raise InputError("durations", moving, "none, or another path")
+    factors = broadcast("scale_mass", scale_mass, (count,), *FACTORS)
+    vectors = {"momenta": momenta, "wheels": wheels, "drifts": drifts}
+    nominals = problem.momentum, problem.wheel_momentum, problem.path.drift
+    h, w, v = (
+        np.broadcast_to(value, (count, 3)) if given is None else broadcast(key, given, (count, 3))
+        for (key, given), value in zip(vectors.items(), nominals, strict=True)
+    )
+    if problem.has_headings:
+        for key, values in (("momenta", h), ("wheels", w)):
+            require_along_normal(key, problem.plane, values)
+        require_in_plane("drifts", problem.plane, v)
+    ratio = (stretches / factors)[:, None]
+    systems = Systems(h * ratio, w * ratio, v * stretches[:, None], robots, offsets)
+    scales = np.ones((count, 1)) if scales is None else scales
+    return ScaledMotions(problem, systems, stretches, factors, scales)
+
+
+def broadcast(
+    key: str,
+    values: npt.ArrayLike,
+    shape: tuple[int, ...],
+    accepted: str = f"numbers up to {LARGEST_NUMBER:g}",
+    lowest: float = -LARGEST_NUMBER,
+    highest: float = LARGEST_NUMBER,
+) -> Array:
+    """Values for all motions, or for each, as an array of a shape; else an InputError."""
+    array = number_array(key, values, accepted)
+    try:
+        array = np.broadcast_to(array, shape)
+    except ValueError:
+        accepted = f"one value for all motions or one for each, shape {shape}"
+        raise InputError(key, f"shape {array.shape} was given", accepted) from None
+    wrong = ~(np.isfinite(array) & (array >= lowest) & (array <= highest))
+    if wrong.any():
+        raise InputError(key, f"{array[wrong].flat[0]} was given", accepted)
+    return array

@@ -34,8 +34,7 @@ class Chain:
             of the arm itself [m], shape (3,).
         swings: Whether the first joint rotates the arm about an axis of the spacecraft.
         prismatic: Which joints are prismatic, shape (n,).
-        lower: Lower ends of the joint ranges, shape (n,).
-        upper: Upper ends, shape (n,).
+        joint_ranges: Lower and upper ends of the joint ranges, shape (n,) each.
     """
 
     points: Array
@@ -46,8 +45,7 @@ class Chain:
     last_upright: Array
     swings: bool
     prismatic: npt.NDArray[np.bool_]
-    lower: Array
-    upper: Array
+    joint_ranges: tuple[Array, Array]
 
     @classmethod
     @lru_cache(maxsize=16)
@@ -63,18 +61,13 @@ class Chain:
             last, last_upright = (in_last_body @ v.links[-1] for v in (virtual, virtual.upright))
         return cls(
             points[:, 0].T, axes[:, 0].T, p[0], R[0], last, last_upright, swings,
-            virtual.prismatic, *model.joint_ranges,
+            virtual.prismatic, model.joint_ranges,
         )  # fmt: skip
-
-    @property
-    def joint_ranges(self) -> tuple[Array, Array]:
-        """Lower and upper ends of the joint ranges."""
-        return self.lower, self.upper
 
     def into_range(self, q: Array) -> Array:
         """Revolute joints (n, ...) shifted by full rotations into their range, near zero."""
         shape = (-1, *(1,) * (q.ndim - 1))
-        lower, upper = self.lower.reshape(shape), self.upper.reshape(shape)
+        lower, upper = (ends.reshape(shape) for ends in self.joint_ranges)
         angles = wrapped(q)
         shifted = angles
         if ((angles < lower) | (angles > upper)).any():

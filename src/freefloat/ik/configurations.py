@@ -104,22 +104,18 @@ def spread_configurations(
     unlimited = np.array_equal(sampled_box(model), joint_box(model))
     for inside in (True,) if unlimited else (True, False):
         table = PoseTable.of(model, task, inside=inside)
-        few = np.isnan(q[0, most - 1]) & (
-            inside | (_excess(chain.joint_ranges, q) > 0.0).all(axis=0)
-        )
+        few = np.isnan(q[0, most - 1]) & (inside | (_excess(chain, q) > 0.0).all(axis=0))
         (pending,) = np.nonzero(few)
         for candidates, count in _PASSES:
             target = positions[pending], rotations[pending]
             starts = _starts(table, *target, candidates, count)
             new = newton.solutions(*target, starts, _NEWTON_STEPS, patience=_PATIENCE)
             together = np.concatenate([q.take(pending, axis=2), chain.into_range(new)], axis=1)
-            q[..., pending] = usable(chain.prismatic, chain.joint_ranges, together, most)
+            q[..., pending] = usable(chain, together, most)
             pending = pending[np.isnan(q[0, most - 1, pending]) & np.isfinite(q[0, 0, pending])]
     _move_inside(newton, positions, rotations, q)
     order = np.lexsort(np.rint(1e6 * q[::-1]), axis=0)
-    return usable(
-        chain.prismatic, chain.joint_ranges, np.take_along_axis(q, order[None], axis=1), most
-    )
+    return usable(chain, np.take_along_axis(q, order[None], axis=1), most)
 
 
 def _starts(
@@ -128,20 +124,20 @@ def _starts(
     """Well-spread configurations of a table's closest candidates."""
     chain = table.chain
     q = table.nearest(positions, rotations, candidates)
-    inside = _excess(chain.joint_ranges, chain.into_range(q)) == 0.0
+    inside = _excess(chain, chain.into_range(q)) == 0.0
     q = np.where(inside | (inside.sum(axis=0) < count), q, np.nan)
-    return _well_spread(chain.prismatic, q, count)
+    return _well_spread(chain, q, count)
 
 
-def usable(prismatic: BoolArray, ranges: tuple[Array, Array], q: Array, most: int) -> Array:
+def usable(arm: Chain | FreeFloatingModel, q: Array, most: int) -> Array:
     """At most that many well-spread configurations, those inside the ranges if there are any."""
-    inside = _excess(ranges, q) == 0.0
-    return _well_spread(prismatic, np.where(inside | ~inside.any(axis=0), q, np.nan), most)
+    inside = _excess(arm, q) == 0.0
+    return _well_spread(arm, np.where(inside | ~inside.any(axis=0), q, np.nan), most)
 
 
-def _excess(ranges: tuple[Array, Array], q: Array) -> Array:
+def _excess(arm: Chain | FreeFloatingModel, q: Array) -> Array:
     """Largest distance of joint values from their ranges, infinite for NaN, shape (B, K)."""
-    lower, upper = (ends[:, None, None] for ends in ranges)
+    lower, upper = (ends[:, None, None] for ends in arm.joint_ranges)
     excess = np.maximum(np.maximum(lower - q, q - upper), 0.0).max(axis=0)
     return np.where(np.isnan(excess), np.inf, excess)
 
@@ -151,30 +147,30 @@ def _move_inside(newton: Newton, positions: Array, rotations: Array, q: Array) -
     chain = Chain.of(newton.model)
     lower, upper = (ends[:, None, None] for ends in sampled_box(newton.model))
     inset = _INSET * (upper - lower)
-    (pending,) = np.nonzero(
-        np.isfinite(q[0]).any(axis=0) & (_excess(chain.joint_ranges, q) > 0.0).all(axis=0)
-    )
+    excess = _excess(chain, q)
+    (pending,) = np.nonzero(np.isfinite(excess).any(axis=0) & (excess > 0.0).all(axis=0))
     moved = q.take(pending, axis=2)
     for _ in range(_ROUNDS):
         if not len(pending):
             break
-        outside = (moved < chain.lower[:, None, None]) | (moved > chain.upper[:, None, None])
+        first, last = (ends[:, None, None] for ends in chain.joint_ranges)
+        outside = (moved < first) | (moved > last)
         starts = np.where(outside, np.clip(moved, lower + inset, upper - inset), moved)
         target = positions[pending], rotations[pending]
         moved = chain.into_range(
             newton.solutions(*target, starts, _NEWTON_STEPS, patience=_PATIENCE)
         )
-        done = (_excess(chain.joint_ranges, moved) == 0.0).any(axis=0)
+        done = (_excess(chain, moved) == 0.0).any(axis=0)
         q[..., pending[done]] = moved[..., done]
         pending, moved = pending[~done], moved[..., ~done]
 
 
-def _well_spread(prismatic: BoolArray, q: Array, most: int) -> Array:
+def _well_spread(arm: Chain | FreeFloatingModel, q: Array, most: int) -> Array:
     """At most that many configurations by farthest-point sampling from the first one."""
     from freefloat.ik.spreading_kernel import spread  # Numba imports slowly
 
     chosen = np.full((len(q), most, q.shape[2]), np.nan)
-    spread(np.array(prismatic), np.array(q, order="C"), SAME, chosen)
+    spread(np.array(arm.prismatic), np.array(q, order="C"), SAME, chosen)
     return chosen
 
 
@@ -189,8 +185,9 @@ def distinct_solutions(prismatic: BoolArray, q: Array, most: int) -> tuple[Array
         if not new.any():
             break
         different[:, column, new] = q[:, first[new], poses[new]]
-        distance = _joint_distance(prismatic, q, different[:, column, None])
-        same = others & (distance <= SAME)
+        difference = q - different[:, column, None]
+        revolutions = np.where(prismatic[:, None, None], 0.0, np.rint(difference / tau))
+        same = others & (np.abs(difference - tau * revolutions).max(axis=0) <= SAME)
         total[column] = same.sum(axis=0)
         others &= ~same
     return different, total
@@ -200,10 +197,3 @@ def found_often(hits: Array) -> BoolArray:
     """Whether solutions with hits (B, K) are all: each was found often, their number is even."""
     often = ((hits == 0) | (hits >= _HITS)).all(axis=0)
     return np.asarray(often & ((hits > 0).sum(axis=0) % 2 == 0))
-
-
-def _joint_distance(prismatic: BoolArray, first: Array, second: Array) -> Array:
-    """Largest differences (B, K) of joint values, modulo 2 pi for revolute joints."""
-    difference = first - second
-    revolutions = np.where(prismatic[:, None, None], 0.0, np.rint(difference / tau))
-    return np.asarray(np.abs(difference - tau * revolutions).max(axis=0))

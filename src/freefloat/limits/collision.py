@@ -68,28 +68,6 @@ class OwnedShapes:
     error: ModelError | None = None
 
 
-def collision_shapes(model: FreeFloatingModel) -> tuple[CollisionShape, ...]:
-    """Collision shapes of all links; visuals of links that have none.
-
-    Raises:
-        ModelError: If a shape cannot be read, or there are too many.
-    """
-    return all_shapes(shapes_of_links(model, visuals=True))
-
-
-def scene_shapes(scene: Scene, first: int) -> tuple[CollisionShape, ...]:
-    """Collision shapes of the bodies of a scene, whose names are those of the links.
-
-    Args:
-        scene: The scene.
-        first: Number of its first body.
-
-    Raises:
-        ModelError: If a shape cannot be read, or there are too many.
-    """
-    return all_shapes(shapes_of_bodies(scene, first))
-
-
 def all_shapes(owners: Iterable[OwnedShapes]) -> tuple[CollisionShape, ...]:
     """The shapes of some owners; raises the ModelError of the first whose shapes have one."""
     shapes: list[CollisionShape] = []
@@ -101,7 +79,7 @@ def all_shapes(owners: Iterable[OwnedShapes]) -> tuple[CollisionShape, ...]:
 
 
 def shapes_of_links(model: FreeFloatingModel, *, visuals: bool) -> tuple[OwnedShapes, ...]:
-    """Collision shapes of all links, with the errors of those that cannot be used.
+    """Collision shapes of all links, with the errors of those that cannot be read, or too many.
 
     Args:
         model: The robot.
@@ -122,7 +100,12 @@ def shapes_of_links(model: FreeFloatingModel, *, visuals: bool) -> tuple[OwnedSh
 
 
 def shapes_of_bodies(scene: Scene, first: int) -> tuple[OwnedShapes, ...]:
-    """The same as :func:`scene_shapes`, with the errors."""
+    """The same of the bodies of a scene, whose names are those of the links.
+
+    Args:
+        scene: The scene.
+        first: Number of its first body.
+    """
     owners = list[OwnedShapes]()
     for number, body in enumerate(scene.bodies, start=first):
         parts = body.shapes("collision")
@@ -144,16 +127,8 @@ def _too_many(count: int, source: str) -> ModelError | None:
 def _owned(
     owner: str, name: str, body: int, shapes: Iterable[LinkShape], source: str
 ) -> OwnedShapes:
-    try:
-        return OwnedShapes(name, tuple(_convex_shapes(owner, name, body, shapes, source)))
-    except ModelError as error:
-        return OwnedShapes(name, error=error)
-
-
-def _convex_shapes(
-    owner: str, name: str, body: int, shapes: Iterable[LinkShape], source: str
-) -> Iterator[CollisionShape]:
     """Convex shapes of a link or a body of a scene; shapes are placed in the body's frame."""
+    convex = list[CollisionShape]()
     for shape in shapes:
         try:
             solids = _solids(shape, source)
@@ -164,10 +139,13 @@ def _convex_shapes(
             mesh = shape.geometry
             file = f" from {mesh.filename}" if isinstance(mesh, MeshFile) else ""
             problem = f"no collision shape{file}: {error}"
-            raise ModelError(f"{owner}: <{shape.kind}>", problem, accepted, source) from None
+            key = f"{owner}: <{shape.kind}>"
+            return OwnedShapes(name, error=ModelError(key, problem, accepted, source))
         at = shape.origin
         for geometry, points in solids:
-            yield CollisionShape(name, body, at, geometry, points @ at.rotation.T + at.position)
+            placed = points @ at.rotation.T + at.position
+            convex.append(CollisionShape(name, body, at, geometry, placed))
+    return OwnedShapes(name, tuple(convex))
 
 
 def _solids(shape: LinkShape, source: str) -> tuple[_Solid, ...]:
@@ -302,7 +280,7 @@ class _MeshPart:
     @cached_property
     def gain(self) -> float:
         """Volume that the cut saves [m³]."""
-        return float(self.hull.volume) - _volume(self.halves) if self.halves else 0.0
+        return float(self.hull.volume) - sum(float(part.hull.volume) for part in self.halves)
 
     def convex_hull(self) -> ConvexPart:
         """The convex hull."""
@@ -324,7 +302,3 @@ def _hull(points: Array) -> Any:
         normal = np.linalg.eigh(centred.T @ centred).eigenvectors[:, 0]
         offset = _THICKNESS / 2.0 * normal
         return scipy.spatial.ConvexHull(np.vstack([points - offset, points + offset]))
-
-
-def _volume(parts: list[_MeshPart]) -> float:
-    return float(sum(part.hull.volume for part in parts))

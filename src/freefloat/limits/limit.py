@@ -1,17 +1,79 @@
-"""A limit: its name, its unit, what its bound is, and the value of a motion nearest to it."""
+"""A limit: its name, its unit, what its bound is, and how the value nearest to it is found."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from typing import Any, ClassVar, Generic, Self, TypeVar
 
+import numpy as np
+
+from freefloat.dynamics.inverse_dynamics import Forces
 from freefloat.limits.result import LimitResult
 from freefloat.limits.values import Value
+from freefloat.motion.extrema import Extremum, Function, at_nodes, maximum
+from freefloat.motion.law import Rates
 from freefloat.motion.margin import ROUNDING
-from freefloat.motion.motion import Motion
+from freefloat.motion.motion import Ending, Motion
 from freefloat.motion.problem import Problem
+from freefloat.so3 import Array, IntArray
 
+_DIVERGENCE = 1e3
+"""Ratio of a value at a singular end to those before it, from which rounding alone bounds it."""
 Bound = TypeVar("Bound")
+
+
+def place_of_maximum(motion: Motion, values: Function) -> float:
+    """Panel coordinate of the maximum of a function of states, which every motion has."""
+    return maximum(at_nodes(motion, values), values).u if motion.panels else 0.0
+
+
+def peak(motion: Motion, values: Function, nodes: Array | None = None) -> Extremum:
+    """The maximum of functions of rates; infinite where they have no bound at a singular end.
+
+    Args:
+        motion: The motion.
+        values: The functions.
+        nodes: Their values at the nodes of the motion, where they are known.
+    """
+    if not motion.panels:
+        return Extremum(np.inf, 0, 0, -1.0)
+    nodes = at_nodes(motion, values) if nodes is None else nodes
+    if motion.ending is Ending.SINGULAR:
+        *before, last = np.nan_to_num(nodes.reshape(-1, nodes.shape[2]), nan=np.inf)
+        fastest = int(last.argmax())
+        if last[fastest] > _DIVERGENCE * np.abs(before).max():
+            return Extremum(np.inf, fastest, motion.panels - 1, 1.0)
+    return maximum(nodes, values)
+
+
+def largest_magnitude(
+    motion: Motion, vectors: Function, nodes: Array | None = None
+) -> tuple[float, float]:
+    """The largest magnitude of a vector that depends on rates, and its time [s].
+
+    Arguments as of :func:`peak`.
+    """
+
+    def squared(panel: IntArray, x: Array) -> Array:
+        """Smooth also where the vector passes through zero."""
+        return np.asarray((vectors(panel, x) ** 2).sum(axis=1, keepdims=True))
+
+    squares = None if nodes is None else (nodes * nodes).sum(axis=2, keepdims=True)
+    place = peak(motion, squared, squares)
+    return float(np.sqrt(place.value)), motion.time_at(place.u)
+
+
+def rates_along(motion: Motion) -> Callable[[IntArray, Array], Rates]:
+    """The rates along a motion, by panels and their parameters."""
+    law = motion.law
+    return lambda panel, x: law.rates(*motion.at(panel, x), motion.timing_segment(panel))
+
+
+def efforts_along(motion: Motion) -> Callable[[IntArray, Array], Forces]:
+    """Rates, accelerations and forces along a motion, by panels and their parameters."""
+    law = motion.law
+    return lambda panel, x: law.effort(*motion.at(panel, x), motion.timing_segment(panel))
 
 
 class Limit(ABC, Generic[Bound]):
@@ -76,4 +138,50 @@ class Limit(ABC, Generic[Bound]):
         return LimitResult(
             limit=self.name, worst=float(worst), allowed=float(allowed), ratio=float(ratio),
             time=time, where=where, exponent=self.exponent, **values,
+        )  # fmt: skip
+
+
+class JointLimit(Limit[Bound]):
+    """A limit of every joint; ``unit`` is that of revolute joints.
+
+    Attributes:
+        prismatic_unit: Unit of prismatic joints.
+    """
+
+    prismatic_unit: ClassVar[str]
+
+    def of_joint(self, motion: Motion, joint: int, **values: Any) -> LimitResult:
+        """The result of the joint with a number, with its unit and name."""
+        model = motion.problem.model
+        unit = self.prismatic_unit if model.prismatic[joint] else self.unit
+        return self.result(where=model.joint_names[joint], unit=unit, **values)
+
+
+class MagnitudeLimit(JointLimit[Array]):
+    """A limit of the magnitude of a quantity of every joint; ``bound`` has the shape (n,)."""
+
+    def largest(self, motion: Motion, values: Function, nodes: Array | None = None) -> LimitResult:
+        """The result where the ratio of any joint is largest.
+
+        Args:
+            motion: The motion.
+            values: The limited values, shape (K, n).
+            nodes: Those at the nodes of the motion, where they are known, (panels, nodes, n).
+        """
+        allowed = self.bound
+
+        def ratios(panel: IntArray, x: Array) -> Array:
+            ratio = values(panel, x) / allowed
+            return np.concatenate([ratio, -ratio], axis=1)
+
+        if nodes is not None:
+            nodes = np.concatenate([nodes / allowed, -nodes / allowed], axis=2)
+        place = peak(motion, ratios, nodes)
+        joint = place.index % len(allowed)
+        worst = np.inf
+        if np.isfinite(place.value):
+            worst = values(np.array([place.panel]), np.array([place.x]))[0, joint]
+        return self.of_joint(
+            motion, joint, worst=worst, allowed=allowed[joint], ratio=place.value,
+            time=motion.time_at(place.u),
         )  # fmt: skip

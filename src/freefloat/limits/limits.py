@@ -8,9 +8,8 @@ from typing import Any, Literal, cast
 import numpy as np
 
 from freefloat.errors import require_type
-from freefloat.limits.joint_limit import MagnitudeLimit
 from freefloat.limits.kinds import KINDS
-from freefloat.limits.limit import Limit
+from freefloat.limits.limit import Limit, MagnitudeLimit
 from freefloat.motion.pointing import AttitudeLimits
 from freefloat.motion.problem import Problem
 from freefloat.robot.model import FreeFloatingModel

@@ -10,16 +10,15 @@ import numpy.typing as npt
 
 from freefloat.dynamics.plane import Plane
 from freefloat.dynamics.tasks import Task, prescribed_rows, required_plane
-from freefloat.errors import InputError
+from freefloat.errors import InputError, finite_number
 from freefloat.ik.branches import ArmBranch, BranchSets, arm_branches, many_arm_branches
 from freefloat.ik.nearest import closest_branches, newton_configuration
 from freefloat.ik.several_arms import several_arm_branches
-from freefloat.motion.arm_curves import ArmCurves
-from freefloat.motion.attitude_values import checked_attitude
+from freefloat.motion.joint_curves import ArmCurves
 from freefloat.paths.timed_path import TimedPath
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.rotations import rotation_matrix
-from freefloat.so3 import Array, IntArray
+from freefloat.so3 import Array, IntArray, frozen, unit_quaternion
 
 _NEAR_BRANCH, _SAME_JOINTS = 0.05, 1e-6
 """Largest differences of joint values from those of a near branch, and of the same [rad, m]."""
@@ -92,8 +91,19 @@ class BranchesOnPath:
             InputError: If it is no unit quaternion or, where the spacecraft turns in a plane, not a
                 rotation about its normal; if both or neither are given, or a heading elsewhere.
         """
-        plane = self.plane if self.has_headings else None
-        return checked_attitude(self.task, plane, values, heading, key)
+        plane, accepted = self.plane if self.has_headings else None, "an attitude x, y, z, w"
+        if plane is not None:
+            accepted += f" or a heading about {plane.axis} [rad]"
+        if heading is not None:
+            if values is not None or plane is None:
+                beside = (
+                    f"for the task {self.task}" if values is None else "together with an attitude"
+                )
+                raise InputError("heading", f"it was given {beside}", accepted)
+            return frozen(plane.attitudes(finite_number("heading", heading, "a finite angle")))
+        if values is None:
+            raise InputError(key, "it is missing", accepted)
+        return unit_quaternion(key, values) if plane is None else plane.checked(key, values)
 
     def branches(self, attitude: npt.ArrayLike, t: float = 0.0) -> tuple[ArmBranch, ...]:
         """All arm configurations with the end-effector on the path; see also ``start_joints``.
@@ -159,7 +169,7 @@ class BranchesOnPath:
         """The branch nearest to joint values (n,), None if all are farther away [rad, m]."""
         distances = [float(self.model.joint_distance(b.joints, joints)) for b in branches]
         least = min(distances, default=np.inf)
-        return branches[distances.index(least)] if least <= within else None
+        return branches[distances.index(least)] if branches and least <= within else None
 
     def branch_near(
         self, attitude: npt.ArrayLike, joints: npt.ArrayLike, branches: Sequence[ArmBranch]

@@ -78,8 +78,8 @@ def minimum(values: Array, f: Function | None = None) -> Extremum:
         return Extremum(-np.inf, int(c), int(k), float(NODES[i]))
     k, i, c = np.unravel_index(int(values.argmin()), values.shape)
     best = Extremum(float(values[k, i, c]), int(c), int(k), float(NODES[i]))
-    minima = sorted(_stationary(values, best.value), key=lambda entry: entry[0].value)
-    candidates = [candidate for candidate, _ in minima[:_MOST_REFINED]]
+    minima = sorted(_stationary(values, best.value), key=lambda candidate: candidate.value)
+    candidates = minima[:_MOST_REFINED]
     refined = candidates if f is None else _refined(f, candidates)
     lowest = min([best, *refined], key=lambda extremum: extremum.value)
     return lowest if lowest.value < best.value - _EQUAL * abs(best.value) else best
@@ -102,8 +102,7 @@ def _first_below(values: Array, f: Function, level: float) -> float | None:
     below = np.argwhere(values[:, :, 0] < level)
     if len(below):
         low = int(below[0, 0]), float(NODES[below[0, 1]])
-    minima = [minimum for minimum, _ in _stationary(values, level)]
-    earlier = [candidate for candidate in minima if (candidate.panel, candidate.x) < low]
+    earlier = [entry for entry in _stationary(values, level) if (entry.panel, entry.x) < low]
     refined = [entry for entry in _refined(f, earlier) if entry.value < level]
     panel, x = min([low, *((entry.panel, entry.x) for entry in refined)])
     if panel == len(values):
@@ -118,8 +117,8 @@ def _first_below(values: Array, f: Function, level: float) -> float | None:
     return panel + (x + 1.0) / 2.0
 
 
-def _stationary(values: Array, level: float) -> list[tuple[Extremum, float]]:
-    """Minima inside panels that may lie below a level, each with its error.
+def _stationary(values: Array, level: float) -> list[Extremum]:
+    """Minima inside panels that may lie below a level.
 
     They are those of the polynomials through the values at the nodes (panels, 9, c); their error is
     estimated from their last coefficients.
@@ -140,7 +139,7 @@ def _stationary(values: Array, level: float) -> list[tuple[Extremum, float]]:
         x = x[chebyshev.chebval(x, chebyshev.chebder(c, 2)) >= 0.0]
         for position, value in zip(x.tolist(), chebyshev.chebval(x, c).tolist(), strict=True):
             if value - error <= level:
-                minima.append((Extremum(value, int(index), int(panel), position), error))
+                minima.append(Extremum(value, int(index), int(panel), position))
     return minima
 
 

@@ -7,7 +7,7 @@ from numpy.polynomial import chebyshev
 
 from freefloat.dynamics.momentum import conserved_inertias
 from freefloat.errors import IntegrationError
-from freefloat.motion.joint_spline import JointSpline
+from freefloat.motion.joint_curves import JointSpline
 from freefloat.motion.motion import Ending, Motion
 from freefloat.motion.panels import DEGREE, NODES
 from freefloat.motion.problem import Problem

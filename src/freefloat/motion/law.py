@@ -13,7 +13,7 @@ import numpy as np
 
 from freefloat.dynamics.inverse_dynamics import Forces, InverseDynamics
 from freefloat.dynamics.tasks import Task
-from freefloat.motion.joint_spline import JointSpline
+from freefloat.motion.joint_curves import JointSpline
 from freefloat.motion.problem import Problem
 from freefloat.so3 import Array, IntArray, Pose, rotated_in_body
 

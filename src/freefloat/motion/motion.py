@@ -18,7 +18,7 @@ from numpy.polynomial import chebyshev
 
 from freefloat.dynamics.inverse_dynamics import Forces
 from freefloat.errors import InputError
-from freefloat.motion.joint_spline import JointSpline
+from freefloat.motion.joint_curves import JointSpline
 from freefloat.motion.law import JointLaw, Law, PathLaw
 from freefloat.motion.panels import DEGREE, NODES, TO_COEFFICIENTS, parameters_at
 from freefloat.motion.problem import Problem

@@ -18,13 +18,19 @@ from freefloat.dynamics.system import System
 from freefloat.dynamics.tasks import Task, require_task
 from freefloat.dynamics.virtual_manipulator import reach_bound
 from freefloat.errors import InputError, require_type
-from freefloat.motion.arm_curves import ArmCurve, ArmCurves
 from freefloat.motion.branches_on_path import BranchesOnPath
+from freefloat.motion.joint_curves import ArmCurve, ArmCurves
 from freefloat.motion.margin import Margin
-from freefloat.motion.plain_values import arms_of, margin_of, model_of, path_of, task_of
-from freefloat.motion.planar_requirements import require_planar
 from freefloat.motion.pointing import AttitudeLimits
-from freefloat.motion.revolutions import require_few_revolutions
+from freefloat.motion.problem_parts import (
+    arms_of,
+    margin_of,
+    model_of,
+    path_of,
+    require_few_revolutions,
+    require_planar,
+    task_of,
+)
 from freefloat.paths.curves import Curve
 from freefloat.paths.orientation import FreeOrientation
 from freefloat.paths.path import EndEffectorPath

@@ -8,7 +8,7 @@ from dataclasses import replace
 from freefloat.certificate.certificate import certify
 from freefloat.concurrency import Progress, step_of
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
-from freefloat.limits.contact import deepest_contact
+from freefloat.limits.check import deepest_contact
 from freefloat.limits.limits import Limits
 from freefloat.motion.problem import Problem
 from freefloat.planning.candidates import Ball, Candidate, NearAttitude, Peak, ScreenedCandidate

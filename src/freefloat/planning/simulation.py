@@ -10,8 +10,7 @@ import numpy.typing as npt
 
 from freefloat.errors import InputError
 from freefloat.ik.branches import ArmBranch
-from freefloat.limits.check import LimitChecker
-from freefloat.limits.contact import Contact, deepest_contact
+from freefloat.limits.check import Contact, LimitChecker, deepest_contact
 from freefloat.limits.limits import Limits, limits_for
 from freefloat.limits.result import LimitResult, violated
 from freefloat.motion.motion import Motion

@@ -31,7 +31,7 @@ from freefloat.studies.columns import (
     Columns,
 )
 from freefloat.studies.disturbances import NO_ROWS, Chunk, group_numbers
-from freefloat.studies.groups import Group, group_of
+from freefloat.studies.groups import Group, grouped
 from freefloat.studies.portable import PortableStudy
 from freefloat.studies.study import Study
 
@@ -73,7 +73,7 @@ def computed(study: PortableStudy, chunk: Chunk, threads: int | None = None) -> 
     if command := STUDY_COMMANDS.get(study.study.content.command):
         columns: Columns = named(command.computed)(study, chunk, threads)
         return columns
-    group = group_of(study.here, chunk.first)
+    group, _ = grouped(study.here, chunk.first)
     if group is None:
         return NO_ROWS
     began, begin = datetime.now(UTC).isoformat(timespec="milliseconds"), time.perf_counter()

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+import math
 import time
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -26,8 +26,6 @@ _FEW = 16
 """Runs that are timed side by side at first."""
 _TIMED_RUNS, _ENOUGH = 5, 2.0
 """Largest number of runs that are timed one by one, and a time after which runs are enough [s]."""
-Task = TypeVar("Task")
-Result = TypeVar("Result")
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,11 +129,11 @@ def estimate_study(
     files = max(0, files - named) + (bool(study.kept_files) and has_undisturbed_file(study))
     parallel, sent = min(count or 1, available_cores()), PortableStudy(study)
     together, apart, fraction = _time_chunks(sent, missing, parallel)
-    try:
-        alone = _time_runs(sent, apart, study.kept_files >= study.count)
-        written = _time_runs(sent, missing[:files], True)
-    except _NoneTimed as error:
-        return replace(estimate, basis=str(error))
+    alone = _time_runs(sent, apart, study.kept_files >= study.count)
+    written = _time_runs(sent, missing[:files], True)
+    for part in (alone, written):
+        if math.isnan(part.each):
+            return replace(estimate, basis=part.basis)
     start = together.start + alone.start + written.start
     seconds = (together.each * (1.0 - fraction) + alone.each * fraction) * len(missing)
     return replace(
@@ -149,25 +147,18 @@ def estimate_study(
     )
 
 
-@dataclass(frozen=True)
-class _Timed:
+class _Timed(NamedTuple):
     """Some runs that were timed.
 
     Attributes:
-        each: Time of a run on a core [s].
+        each: Time of a run on a core [s], NaN if all are errors.
         start: Time before the first [s].
-        basis: What was timed.
+        basis: What was timed, or why nothing was.
     """
 
     each: float = 0.0
     start: float = 0.0
     basis: str = ""
-
-
-def _timed(work: Callable[[Task], Result], task: Task) -> tuple[Result, float]:
-    """The result of a task, and how long it takes [s]."""
-    begin = time.perf_counter()
-    return work(task), time.perf_counter() - begin
 
 
 def _time_chunks(
@@ -191,8 +182,8 @@ def _time_chunks(
     second = next(todo, first)
 
     def some(chunk: Chunk, count: int) -> tuple[Chunk, Columns, float]:
-        chunk = replace(chunk, numbers=chunk.numbers[:count])
-        return chunk, *_timed(lambda chunk: computed(sent, chunk, threads), chunk)
+        chunk, begin = replace(chunk, numbers=chunk.numbers[:count]), time.perf_counter()
+        return chunk, computed(sent, chunk, threads), time.perf_counter() - begin
 
     *_, loading = some(first, _FEW)
     chunk, rows, seconds = some(second, _FEW)
@@ -214,17 +205,13 @@ def _time_runs(sent: PortableStudy, numbers: IntArray, save: bool) -> _Timed:
     places = np.linspace(0, len(numbers) - 1, min(_TIMED_RUNS, len(numbers))).astype(int)
     runs, times = list[RunResult](), list[float]()
     for number in numbers[places].tolist():
-        run, seconds = _timed(lambda number: execute(sent, number, save), number)
-        runs, times = [*runs, run], [*times, seconds]
+        runs.append(execute(sent, number, save))
+        times.append(runs[-1].values["seconds"])
         if len(times) > 1 and sum(times) > _ENOUGH:
             break
     if all(run.values["verdict"] == ERROR for run in runs):
         reason = f"run {runs[0].number}: {runs[0].values['error']}"
-        raise _NoneTimed(f"no run could be timed, {reason}")
+        return _Timed(math.nan, basis=f"no run could be timed, {reason}")
     listed = ", ".join(str(run.number) for run in runs)
     each = float(np.mean(times[1:] or times))  # the first one loads what all need
     return _Timed(each, max(0.0, times[0] - each), f"run{'s' * (len(runs) > 1)} {listed}")
-
-
-class _NoneTimed(Exception):
-    """All runs that were tried are errors; its argument says so."""

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from freefloat.ensemble.disturbed_motions import integrate_disturbed
-from freefloat.ensemble.equivalence import ScaledMotions, equivalents
 from freefloat.ensemble.known_limits import KnownLimits, LimitValues
 from freefloat.ensemble.many_motions import ManyMotions
+from freefloat.ensemble.systems import ScaledMotions, equivalents
 from freefloat.errors import FreeFloatError
 from freefloat.io.scenario.path_schema import FrameName
 from freefloat.io.scenario.scenario import Scenario
@@ -160,11 +160,6 @@ class Group:
         """Whether motions have a verdict; those of others need a precise motion, shape (K,)."""
         _, certain = self.keep_limits(motions)
         return np.asarray(motions.reached & ~motions.failed & (certain | ~motions.feasible))
-
-
-def group_of(study: Study, number: int) -> Group | None:
-    """The group whose first run has a number; None where its runs are executed one by one."""
-    return grouped(study, number)[0]
 
 
 @lru_cache(maxsize=4)

@@ -60,7 +60,10 @@ def load_study(name: str | Path) -> Study:
         _check_values(study)
         _check_use(study)
         _check_start(study)
-        _check_runs(study)
+        valid = _valid_run(study)
+        _check_extreme(study)
+        _check_unvaried(study)
+        _check_robot(study, valid)
     except InputError as error:
         raise error.found_in(str(source)) from None
     return study
@@ -142,18 +145,6 @@ def _check_start(study: Study) -> None:
         raise InputError("heading_deg", problem, "attitude")
 
 
-def _check_runs(study: Study) -> None:
-    """Check that values are accepted in runs, and the scenario where it chooses the arm branch.
-
-    Raises:
-        InputError: The first error.
-    """
-    valid = _valid_run(study)
-    _check_extreme(study)
-    _check_unvaried(study)
-    _check_robot(study, valid)
-
-
 def _valid_run(study: Study) -> int:
     """The number of a valid run; of many runs a sample is validated.
 
@@ -214,7 +205,9 @@ def _extreme_runs(key: str, every: Mapping[str, npt.NDArray[Any]]) -> list[int]:
 
 def _check(study: Study, key: str, number: int) -> None:
     """Check the value of a key in a run."""
-    value, (owner, name) = study.parameters(number)[key], _owner(key)
+    value, (whole, _, last) = study.parameters(number)[key], key.rpartition(".")
+    owner = whole if last.isdecimal() and whole else key  # the list of which it is an entry
+    name = owner.rpartition(".")[2]
     if key.startswith(TRACK):
         try:
             validated(TrackSection, {key.removeprefix(TRACK): value}, study.base_source)
@@ -225,25 +218,13 @@ def _check(study: Study, key: str, number: int) -> None:
         content = validated(ScenarioFile, document, study.base_source)
         if key.startswith("timing."):
             content.timing.to_timing()
-        value = _value_at(document, owner)
+        value = document
+        for word in owner.split("."):
+            value = value[int(word) if isinstance(value, list) else word]
     if name == INERTIA:
         inertia_matrix(owner, value)
     elif name in _ATTITUDES and np.shape(value) == (4,):
         unit_quaternion(owner, value)
-
-
-def _owner(key: str) -> tuple[str, str]:
-    """The key of the list of which a key is an entry, or the key itself, and its last word."""
-    whole, _, last = key.rpartition(".")
-    owner = whole if last.isdecimal() and whole else key
-    return owner, owner.rpartition(".")[2]
-
-
-def _value_at(document: Any, key: str) -> Any:
-    """The value of a key in the data of a scenario, which has it."""
-    for name in key.split("."):
-        document = document[int(name) if isinstance(document, list) else name]
-    return document
 
 
 def _check_robot(study: Study, number: int) -> None:

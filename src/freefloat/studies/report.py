@@ -7,7 +7,6 @@ import hashlib
 import json
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
@@ -127,27 +126,18 @@ def _page(
     )
 
 
-@dataclass(frozen=True)
-class _Table:
-    """The listed runs: errors, infeasible ones, the smallest margins first.
-
-    Attributes:
-        headings: Headings of the columns by name, the number of the run first.
-        rows: File, verdict and cells of each run.
-        left_out: What is not listed.
-    """
-
-    headings: dict[str, str]
-    rows: list[tuple[Any, ...]]
-    left_out: str
-
-
-def _listed(result: StudyResult, names: Mapping[str, str]) -> _Table:
+def _listed(result: StudyResult, names: Mapping[str, str]) -> dict[str, Any]:
     """The runs in columns that are neither empty nor the same in all, as many as fit on a page.
+
+    Errors come first, then infeasible runs, then the smallest margins.
 
     Args:
         result: Results of the study.
         names: Headings of its columns, in the order in which they are listed.
+
+    Returns:
+        The headings, the number of the run first; file, verdict and cells of each run; what is left
+        out.
     """
     spreads = ", ".join(f"count({name}), min({name}), max({name})" for name in map(quoted, names))
     (numbers,) = result.rows.query(f"SELECT {spreads} FROM runs")
@@ -169,8 +159,8 @@ def _listed(result: StudyResult, names: Mapping[str, str]) -> _Table:
         said.append(f"for lack of room ({', '.join(headings.pop(name) for name in crowded)})")
     columns = ["file", "verdict", *headings]
     query = f"{result.rows.selection(columns)} ORDER BY {order} LIMIT {_MAX_LISTED}"
-    left_out = "Columns are left out where they are empty"
-    return _Table(headings, list(result.rows.query(query)), ", or ".join([left_out, *said]))
+    left_out = ", or ".join(["Columns are left out where they are empty", *said])
+    return {"headings": headings, "rows": list(result.rows.query(query)), "left_out": left_out}
 
 
 def _cell(value: Any) -> str:

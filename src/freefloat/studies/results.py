@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -35,23 +35,14 @@ class Combination:
     Attributes:
         parameters: The listed values.
         feasible: Number of feasible runs.
-        runs: Number of runs without error.
+        cases: Number of runs without error.
         margin: Smallest margin; None if no run has one.
     """
 
     parameters: dict[str, Any] = field(hash=False)
     feasible: int
-    runs: int
+    cases: int
     margin: float | None
-
-    def to_dict(self) -> dict[str, Any]:
-        """The results as a JSON document."""
-        return {
-            "parameters": self.parameters,
-            "feasible": self.feasible,
-            "cases": self.runs,
-            "margin": self.margin,
-        }
 
 
 @dataclass(frozen=True, eq=False)
@@ -225,7 +216,7 @@ class StudyResult:
             "margin": self.margins,
             "percentiles": self.percentiles,
             "limiting": self.limiting,
-            "combinations": [entry.to_dict() for entry in self.combinations],
+            "combinations": [*map(asdict, self.combinations)],
             "reasons": self.reasons,
             "sensitivities": [entry.to_dict() for entry in self.sensitivities],
             "errors": [{"case": number, "error": error} for number, error in self.errors.items()],

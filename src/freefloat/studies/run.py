@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import tempfile
 import time
-from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -15,9 +14,7 @@ from freefloat.errors import FreeFloatError, InputError
 from freefloat.io.files import file_errors, written_beside
 from freefloat.io.records.results import save
 from freefloat.kinds import STUDY_COMMANDS, named
-from freefloat.motion.problem import Problem
 from freefloat.planning.simulation import simulate
-from freefloat.so3 import Array
 from freefloat.studies.columns import ERROR, UNCHECKED, finite
 from freefloat.studies.folder import FILES, WRITABLE
 from freefloat.studies.portable import PortableStudy
@@ -125,32 +122,15 @@ def computed_record(
         return scenario.plan(threads=1)
     if command is Command.MAP:
         return scenario.map(threads=1)
-    attitude = initial_attitude(scenario.problem(), start)
-    problem, branch = with_arm_branch(scenario.problem(), attitude, start)
+    problem, branch = scenario.problem(), start.get("branch")
+    attitude = initial_attitude(problem, start)
+    if "joints" in start:  # near the arm branch; with neither the best is simulated
+        joints = problem.model.joint_vector(start["joints"], "start.joints")
+        if problem.redundant:  # whose arm branches are others with another robot
+            problem = problem.replace(start_joints=joints)
+        elif nearest := problem.nearest(joints, problem.branches(attitude), math.inf):
+            branch = nearest.index
     return simulate(problem, attitude, branch=branch)
-
-
-def with_arm_branch(
-    problem: Problem, attitude: Array, start: Mapping[str, Any]
-) -> tuple[Problem, int | None]:
-    """The problem, and the number of the arm branch to simulate; None for the best.
-
-    Args:
-        problem: The problem of a run.
-        attitude: Its initial attitude, shape (4,).
-        start: With ``branch``, or with ``joints`` near the arm branch; with neither for the best.
-
-    Raises:
-        InputError: If the robot has another number of joints.
-    """
-    if "joints" not in start:
-        return problem, start.get("branch")
-    joints = problem.model.joint_vector(start["joints"], "start.joints")
-    if problem.redundant:  # whose arm branches are others with another robot
-        return problem.replace(start_joints=joints), None
-    branches = problem.branches(attitude)
-    nearest = problem.nearest(joints, branches, math.inf) if branches else None
-    return problem, None if nearest is None else nearest.index
 
 
 def _file_content(record: Any) -> bytes:

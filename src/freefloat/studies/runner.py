@@ -24,10 +24,9 @@ from freefloat.studies.folder import DATABASE
 from freefloat.studies.portable import PortableStudy, study_files
 from freefloat.studies.process_pool import completed_in_pool
 from freefloat.studies.results import StudyResult
-from freefloat.studies.rows import StudyRows
+from freefloat.studies.rows import StudyRows, save_tables
 from freefloat.studies.study import UNDISTURBED, Study
 from freefloat.studies.study_file import START_KEYS, Command
-from freefloat.studies.tables import save_tables
 
 if TYPE_CHECKING:
     from freefloat.studies.run import RunResult
@@ -86,7 +85,7 @@ def run_study(
     require_type("study", study, Study, "load_study(...)")
     _require_usable(study, workers, scheduler, until)
     folder, runs = Path(folder), runs_text(study.count)
-    step = stages or (lambda name: nullcontext(progress if progress and name == runs else _ignored))
+    step = stages or (lambda name: nullcontext((name == runs and progress) or (lambda done: None)))
     begin, files = time.perf_counter(), study_files(study)
     with ExitStack() as stack:
         with step("finished runs") as done:
@@ -145,10 +144,6 @@ def runs_text(count: int) -> str:
     return f"{count:,} run{'' if count == 1 else 's'}"
 
 
-def _ignored(done: float) -> None:
-    """Show no progress."""
-
-
 class _Tally:
     """Verdicts of the runs of a study so far, and whether these are enough."""
 
@@ -157,7 +152,7 @@ class _Tally:
         count: int,
         rows: StudyRows,
         until: float | None,
-        progress: Callable[[float], None] | None,
+        progress: Progress,
     ) -> None:
         """Count the finished runs.
 
@@ -198,8 +193,7 @@ class _Tally:
     def add(self, numbers: Column, verdicts: Iterable[str]) -> bool:
         """Count finished runs; return whether these are enough."""
         self._note(numbers, verdicts)
-        if self._progress is not None:
-            self._progress(self.done / len(self._verdicts))
+        self._progress(self.done / len(self._verdicts))
         return self.is_enough
 
     def _note(self, numbers: Column, verdicts: Iterable[str]) -> None:
@@ -259,9 +253,7 @@ class _Execution:
         study = self.sent.study
         if not study.kept_files:
             return
-        numbers = self.database.worst_without_file(study.kept_files)
-        if has_undisturbed_file(study) and not self.database.has_undisturbed_file:
-            numbers.append(UNDISTURBED)
+        numbers = self.database.without_file(study.kept_files, has_undisturbed_file(study))
         if not numbers:
             return
         with stages(f"{len(numbers):,} result file{'s' * (len(numbers) > 1)}") as progress:

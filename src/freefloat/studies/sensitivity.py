@@ -102,10 +102,10 @@ def sensitivities(study: Study) -> list[Sensitivity]:
     """
     if study.variation.listed or group_numbers(study)[0] < 0:
         return []
-    from freefloat.studies.groups import group_of  # compiled kernels
+    from freefloat.studies.groups import grouped  # compiled kernels
 
     mixed = _MixedStudy(study.source, study.settled, study.base_source, study.base)
-    group, keys = group_of(mixed, 0), list(study.content.vary)
+    (group, _), keys = grouped(mixed, 0), list(study.content.vary)
     if group is None:
         return []
     by_models = group.starts_at_best or group.problem.redundant
@@ -121,19 +121,15 @@ def sensitivities(study: Study) -> list[Sensitivity]:
     quantities = {MARGIN: motions.minimum_margins}
     if decides:
         quantities[FEASIBILITY] = group.are_feasible(motions).astype(float)
-    results = []
+    results = list[Sensitivity]()
     for quantity, found in quantities.items():
-        values = np.zeros(count)
-        values[numbers] = found
-        results += _sensitivities(keys, quantity, values.reshape(-1, _PAIRS)[:, used])
+        every = np.zeros(count)
+        every[numbers] = found
+        values = every.reshape(-1, _PAIRS)[:, used]
+        if values.size and np.ptp(values[:2]) != 0.0:
+            indices = zip(keys, sobol_indices(values[0], values[1], values[2:]), strict=True)
+            results += [Sensitivity(key, quantity, *pair) for key, pair in indices]
     return results
-
-
-def _sensitivities(keys: list[str], quantity: str, values: Array) -> list[Sensitivity]:
-    if not values.size or np.ptp(values[:2]) == 0.0:
-        return []
-    indices = sobol_indices(values[0], values[1], values[2:])
-    return [Sensitivity(key, quantity, *pair) for key, pair in zip(keys, indices, strict=True)]
 
 
 def sobol_indices(f_A: Array, f_B: Array, f_AB: Array) -> list[tuple[Estimate, Estimate]]:

@@ -115,9 +115,13 @@ class VariedRobot:
         factors, fields = _link_factors(values, count), self._fields(values, count)
         if not factors and not fields:
             return None
+        description, scale = self.model.description, self.section.scale_mass
+        links = {"robot.spacecraft": description.roots[0],
+                 "robot.payload": description.links[-1].name}  # fmt: skip
+        factor = scale.get if isinstance(scale, dict) else lambda link, _: scale
         rows = {
-            link: self._row(part, fields, count) * self._nominal_factor(link)
-            for part, link in self._links.items()
+            link: self._row(part, fields, count) * factor(link, 1.0)
+            for part, link in links.items()
             if any(f"{part}.{name}" in fields for name in ("mass", "inertia", "com"))
         }
         robots = Robots.of(
@@ -125,13 +129,6 @@ class VariedRobot:
             mounts=self._mounts(fields, count),
         )  # fmt: skip
         return robots if self.present is None else robots.with_paths_from(*self.present)
-
-    @property
-    def _links(self) -> dict[str, str]:
-        """Links of the parts: a spacecraft is the root, a payload is added last."""
-        description = self.model.description
-        return {"robot.spacecraft": description.roots[0],
-                "robot.payload": description.links[-1].name}  # fmt: skip
 
     def _fields(self, values: Mapping[str, Column], count: int) -> dict[str, Array]:
         """Values of the varied fields of parts, (K, ...), NaN where they are no such numbers."""
@@ -144,7 +141,8 @@ class VariedRobot:
             field = f"{part}.{name}"
             nominal = self._nominal(field)
             if name == INERTIA:
-                fields[field] = _matrices(as_numbers(column, _moments_shape(column)))
+                shape = (6,) if len(column) and np.shape(column[0]) == (6,) else (3,)
+                fields[field] = _matrices(as_numbers(column, shape))
             elif index is None:
                 fields[field] = as_numbers(column, nominal.shape)
             else:
@@ -168,11 +166,6 @@ class VariedRobot:
         )
         return inertial_row(np.broadcast_to(mass, count), np.broadcast_to(com, (count, 3)), inertia)
 
-    def _nominal_factor(self, link: str) -> float:
-        """The factor on mass and inertia of a link that the section has."""
-        scale = self.section.scale_mass
-        return scale.get(link, 1.0) if isinstance(scale, dict) else scale
-
     def _mounts(self, fields: Mapping[str, Array], count: int) -> tuple[Pose, Array, Array] | None:
         """The mount of the section, and positions and rotations of those of the runs."""
         keys = [f"robot.spacecraft.mount.{name}" for name in ("xyz", "rpy")]
@@ -195,11 +188,6 @@ def _link_factors(values: Mapping[str, Column], count: int) -> dict[str, Array]:
             for link in {name: None for entry in maps for name in entry}:
                 factors[link] = as_numbers([entry.get(link, 1.0) for entry in maps], ())
     return factors
-
-
-def _moments_shape(column: Column) -> tuple[int]:
-    """The shape of inertias that are written as three or six moments."""
-    return (6,) if len(column) and np.shape(column[0]) == (6,) else (3,)
 
 
 def _matrices(inertia: Array) -> Array:

@@ -7,8 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 from freefloat.certificate.certificate import certify
-from freefloat.limits.check import LimitChecker
-from freefloat.limits.contact import deepest_contact
+from freefloat.limits.check import LimitChecker, deepest_contact
 from freefloat.limits.limits import Limits
 from freefloat.limits.result import LimitResult
 from freefloat.limits.values import OFF

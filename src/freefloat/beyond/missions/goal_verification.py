@@ -11,8 +11,8 @@ import scipy
 
 from freefloat.beyond.missions.goals.goal_motion import GoalMotion
 from freefloat.limits.check import LimitChecker
+from freefloat.motion.joint_curves import JointSpline
 from freefloat.motion.joint_integration import node_times
-from freefloat.motion.joint_spline import JointSpline
 from freefloat.motion.motion import Ending, Motion
 from freefloat.motion.problem import Problem
 from freefloat.records import Known, Origin

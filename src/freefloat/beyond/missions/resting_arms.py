@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from freefloat.motion.arm_curves import ArmCurve, ArmCurves
+from freefloat.motion.joint_curves import ArmCurve, ArmCurves
 from freefloat.motion.motion import Motion
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array

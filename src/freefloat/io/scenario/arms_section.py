@@ -14,7 +14,7 @@ from freefloat.errors import InputError
 from freefloat.io.scenario.field_types import Name, Number, Section
 from freefloat.io.scenario.path_schema import PathSection
 from freefloat.io.scenario.yaml import error_context, file_keys
-from freefloat.motion.arm_curves import ArmCurve, ArmCurves
+from freefloat.motion.joint_curves import ArmCurve, ArmCurves
 from freefloat.records import Tree
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from freefloat.limits.extremes import largest_magnitude, rates_along
-from freefloat.limits.limit import Limit
+from freefloat.limits.limit import Limit, largest_magnitude, rates_along
 from freefloat.limits.result import LimitResult
 from freefloat.limits.values import Number
 from freefloat.motion.motion import Motion

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from freefloat.limits.extremes import place_of_maximum
-from freefloat.limits.limit import Limit
+from freefloat.limits.limit import Limit, place_of_maximum
 from freefloat.limits.result import LimitResult
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from freefloat.limits.extremes import efforts_along
-from freefloat.limits.joint_limit import MagnitudeLimit
+from freefloat.limits.limit import MagnitudeLimit, efforts_along
 from freefloat.limits.result import LimitResult
 from freefloat.limits.values import PerJoint
 from freefloat.motion.motion import Motion

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from freefloat.limits.joint_limit import MagnitudeLimit
+from freefloat.limits.limit import MagnitudeLimit
 from freefloat.limits.result import LimitResult
 from freefloat.limits.values import PerJoint
 from freefloat.motion.extrema import Function

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from freefloat.limits.joint_limit import JointLimit
+from freefloat.limits.limit import JointLimit
 from freefloat.limits.result import LimitResult
 from freefloat.motion.extrema import joint_extents
 from freefloat.motion.motion import Motion

@@ -6,8 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from freefloat.limits.extremes import efforts_along
-from freefloat.limits.joint_limit import MagnitudeLimit
+from freefloat.limits.limit import MagnitudeLimit, efforts_along
 from freefloat.limits.result import LimitResult
 from freefloat.limits.values import PerJoint
 from freefloat.motion.motion import Motion

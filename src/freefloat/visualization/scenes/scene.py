@@ -11,7 +11,7 @@ import scipy
 from meshcat import geometry as g
 
 from freefloat.errors import InputError
-from freefloat.limits.contact import deepest_contact
+from freefloat.limits.check import deepest_contact
 from freefloat.motion.motion import Motion
 from freefloat.motion.pointing import AttitudeLimits
 from freefloat.motion.singularity import singular_event

@@ -18,8 +18,8 @@ from freefloat.beyond.missions.goals.query import GoalStart, Query
 from freefloat.concurrency import Progress
 from freefloat.limits.check import LimitChecker
 from freefloat.limits.limits import Limits
+from freefloat.motion.joint_curves import JointSpline
 from freefloat.motion.joint_integration import integrate_spline
-from freefloat.motion.joint_spline import JointSpline
 from freefloat.motion.problem import Problem
 from freefloat.scene.scene import Scene
 from freefloat.scene.tumbling import Tumbling

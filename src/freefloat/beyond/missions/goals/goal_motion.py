@@ -15,7 +15,7 @@ from freefloat.dynamics.measures import singularity_measure
 from freefloat.dynamics.plane import plane_of
 from freefloat.dynamics.summary import natural_task
 from freefloat.dynamics.system import System
-from freefloat.limits.contact import Contact
+from freefloat.limits.check import Contact
 from freefloat.limits.limits import Limits
 from freefloat.limits.result import LimitResult, all_violations, violated
 from freefloat.motion.margin import Margin

@@ -20,7 +20,7 @@ from freefloat.beyond.missions.goals.attitude_kernel import (
     march,
 )
 from freefloat.beyond.missions.goals.placements import PlacedArm
-from freefloat.motion.joint_spline import DEGREE, JointSpline, spline_basis
+from freefloat.motion.joint_curves import DEGREE, JointSpline, spline_basis
 from freefloat.so3 import Array
 
 INTERVALS, COARSE_INTERVALS = 8, 4

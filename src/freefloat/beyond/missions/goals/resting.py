@@ -9,8 +9,8 @@ import numpy as np
 from freefloat.limits.check import LimitChecker
 from freefloat.limits.kinds.base_rate import BaseRateLimit
 from freefloat.limits.result import LimitResult
+from freefloat.motion.joint_curves import DEGREE, JointSpline
 from freefloat.motion.joint_integration import integrate_spline
-from freefloat.motion.joint_spline import DEGREE, JointSpline
 from freefloat.motion.problem import Problem
 from freefloat.so3 import Array
 

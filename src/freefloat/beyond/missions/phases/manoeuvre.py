@@ -7,7 +7,7 @@ from functools import cached_property
 from typing import Any, ClassVar
 
 from freefloat.beyond.missions.phases.phase import REORIENTATION, Phase
-from freefloat.limits.contact import Contact
+from freefloat.limits.check import Contact
 from freefloat.limits.limits import Limits
 from freefloat.limits.result import LimitResult
 from freefloat.motion.problem import Problem

@@ -20,8 +20,7 @@ from freefloat.beyond.missions.phases.state import SystemState
 from freefloat.certificate.certificate import certify
 from freefloat.dynamics.redundancy import Redundancy
 from freefloat.errors import InputError, finite_number, require_type
-from freefloat.limits.check import LimitChecker
-from freefloat.limits.contact import deepest_contact
+from freefloat.limits.check import LimitChecker, deepest_contact
 from freefloat.limits.limits import Limits
 from freefloat.limits.result import LimitResult
 from freefloat.motion.extrema import closest_approach

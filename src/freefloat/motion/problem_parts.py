@@ -1,0 +1,202 @@
+"""Parts of problems: from plain values, and what they require of one another."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from freefloat.dynamics.measures import singularity_measure
+from freefloat.dynamics.momentum import inertia_matrices
+from freefloat.dynamics.plane import Plane
+from freefloat.dynamics.summary import natural_task
+from freefloat.dynamics.system import System
+from freefloat.dynamics.tasks import Task
+from freefloat.dynamics.virtual_manipulator import VirtualManipulator
+from freefloat.errors import InputError
+from freefloat.motion.joint_curves import ArmCurves
+from freefloat.motion.margin import Margin
+from freefloat.paths.curves import Curve
+from freefloat.paths.orientation import FreeOrientation
+from freefloat.paths.path import EndEffectorPath
+from freefloat.paths.timed_path import TimedPath
+from freefloat.paths.timing import Timing
+from freefloat.robot.model import FreeFloatingModel
+from freefloat.so3 import Array
+
+_PATH = "TimedPath(EndEffectorPath(...), Timing(...)), or an EndEffectorPath and its duration"
+_VANISHING_COMPONENT = 1e-12
+"""Components of momenta and velocities that are rounding, over their magnitude."""
+_LEVEL = 1e-6
+"""Largest distance of a path from the plane of the end-effector [m]."""
+MAX_REVOLUTIONS = 50
+"""Most rotations of the system along a path: the time of an integration depends on them."""
+
+
+def model_of(value: Any, end_effector: str | None) -> FreeFloatingModel:
+    """A robot, or the one of a URDF with an end-effector.
+
+    Raises:
+        InputError: If the URDF is no robot, or a robot has another end-effector already.
+    """
+    if not isinstance(value, FreeFloatingModel):
+        return FreeFloatingModel.from_urdf(value, end_effector)
+    if end_effector is not None and end_effector != value.end_effector:
+        accepted = f"{value.end_effector}, which the model has, or the URDF in place of the model"
+        raise InputError("end_effector", f"{end_effector} was given", accepted)
+    return value
+
+
+def path_of(value: Any, duration: float | None) -> TimedPath:
+    """A path with its timing, or one of a path or curve that is followed from rest to rest [s].
+
+    Raises:
+        InputError: If it is no path, or the duration is missing or given twice.
+    """
+    if isinstance(value, TimedPath):
+        if duration is not None:
+            raise InputError("duration", "the path has a timing", "a path without one")
+        return value
+    path = EndEffectorPath(value) if isinstance(value, Curve) else value
+    if not isinstance(path, EndEffectorPath):
+        given = "it is missing" if value is None else f"{type(value).__name__} was given"
+        raise InputError("path", given, _PATH)
+    if duration is None:
+        raise InputError("duration", "it is missing", "the duration of the path [s]")
+    return TimedPath(path, Timing(duration))
+
+
+def task_of(model: FreeFloatingModel, path: TimedPath) -> Task:
+    """The task with the most rows that an arm can do along a path, which may lack orientations."""
+    task = natural_task(model)
+    if isinstance(path.path.orientation, FreeOrientation):
+        return Task.PLANAR_POSITION if task.planar else Task.POSITION
+    return task
+
+
+def margin_of(model: FreeFloatingModel, task: Task | str, value: Any) -> Margin:
+    """A margin, or one of the name of a measure and the value that it must keep; by default none.
+
+    Raises:
+        InputError: If it is neither, or the robot has no such measure.
+    """
+    if isinstance(value, Margin):
+        return value
+    if value is None:
+        value = "gjm", 0.0
+    if not isinstance(value, tuple | list) or len(value) != 2:
+        accepted = "('gjm', 0.05), a measure and its value, or a Margin"
+        raise InputError("margin", f"{value!r} was given", accepted)
+    return Margin(singularity_measure(model, task, value[0]), value[1])
+
+
+def arms_of(value: Any) -> ArmCurves:
+    """Joint curves of further arms, or those of a mapping from names of arms to curves."""
+    return value if isinstance(value, ArmCurves) else ArmCurves(value or {})
+
+
+def require_along_normal(key: str, plane: Plane, momentum: Array) -> None:
+    """Raise an InputError that names a key unless momenta (..., 3) are along the plane's normal."""
+    vector = _worst(plane, momentum, slice(2))
+    if vector is not None:
+        problem = f"{vector.tolist()} has components other than {plane.axis} in a planar task"
+        raise InputError(key, problem, _vector(plane, "h", 1.0))
+
+
+def require_in_plane(key: str, plane: Plane, velocity: Array) -> None:
+    """Raise an InputError that names a key unless velocities (..., 3) are in the plane."""
+    vector = _worst(plane, velocity, slice(2, 3))
+    if vector is not None:
+        problem = f"{vector.tolist()} has a component along {plane.axis} in a planar task"
+        raise InputError(key, problem, _vector(plane, "v", 0.0))
+
+
+def _worst(plane: Plane, vectors: Array, forbidden: slice) -> Array | None:
+    """The vector with the largest of some components along the axes; None where all are zero."""
+    rows = vectors.reshape(-1, 3)
+    sizes = np.abs(plane.seen(rows)[:, forbidden]).max(axis=1, initial=0.0)
+    allowed = _VANISHING_COMPONENT if plane.is_exact else plane.tolerance
+    sizes = np.maximum(sizes - allowed * np.linalg.norm(rows, axis=1), 0.0)
+    return rows[sizes.argmax()] if sizes.any() else None
+
+
+def _vector(plane: Plane, letter: str, kept: float) -> str:
+    """What is accepted: ``[0, 0, hz]``, or in words where the normal is no coordinate axis."""
+    if not plane.is_exact:
+        return f"a vector {'along' if kept else 'normal to'} {plane.axis}"
+    named = zip("xyz", plane.normal, strict=True)
+    return f"[{', '.join(letter + axis if entry == kept else '0' for axis, entry in named)}]"
+
+
+def require_planar(plane: Plane, system: System, path: TimedPath, task: Task) -> None:
+    """Raise an InputError unless the momenta and a path of a planar robot stay in its plane."""
+    require_along_normal("momentum", plane, system.momentum)
+    require_along_normal("wheels.momentum", plane, system.wheels)
+    require_in_plane("drift", plane, system.drift)
+    arms = [VirtualManipulator.of(arm) for arm in system.model.single_arms]
+    keys = ["path", *(f"robot.arms.{name}.law.path" for name in path.arms)]
+    for key, arm, own in zip(keys, arms, path.every, strict=True):
+        _require_path_in_plane(key, plane, arm, own, task)
+
+
+def _require_path_in_plane(
+    key: str, plane: Plane, virtual: VirtualManipulator, path: TimedPath, task: Task
+) -> None:
+    """Raise an InputError that names a key unless a path stays in the plane of an arm."""
+    straight, normal = virtual.pose(np.zeros(len(virtual.axes))), plane.normal
+    level = round(float(normal @ straight.position), 9)
+    coordinate = plane.axis if plane.is_exact else f"the coordinate along {plane.axis}"
+    for s in np.linspace(0.0, 1.0, 21):
+        place = path.path.curve(float(s))
+        height = float(normal @ place)
+        slack = 0.0 if plane.is_exact else plane.tolerance * float(np.linalg.norm(place))
+        if abs(height - level) > _LEVEL + slack:
+            problem = (
+                f"{coordinate} = {height:.6g} m at s = {s:.2g}, out of the plane of the "
+                "end-effector"
+            )
+            raise InputError(key, problem, f"a path with {coordinate} = {level:g} m everywhere")
+    for s in np.linspace(0.0, 1.0, 21) if task.prescribes_orientation else ():
+        upright = path.path.orientation.rotation(float(s)) @ straight.rotation.T @ normal
+        if upright @ normal < 1.0 - 1e-9:
+            own = straight.rotation.T @ normal
+            axis = ", ".join(f"{entry:.4g}" for entry in own.round(9) + 0.0)
+            raise InputError(
+                f"{key}.attitude",
+                f"the end-effector would leave the plane at s = {s:.2g}",
+                f"orientations in which ({axis}) of its frame points along {plane.axis}",
+            )
+
+
+def require_few_revolutions(system: System, duration: float) -> None:
+    """Raise an InputError if a system rotates too often in a duration [s]."""
+    inertia = mean_inertia(system.model)
+    turns = float(revolutions(system.momentum, system.wheels, inertia, duration))
+    if turns > MAX_REVOLUTIONS:
+        raise InputError(
+            "momentum",
+            f"{system.momentum_bound:g} N m s rotates the system {turns:.3g} times in "
+            f"{duration:g} s",
+            f"momentum and duration of at most {MAX_REVOLUTIONS} revolutions",
+        )
+
+
+def mean_inertia(model: FreeFloatingModel) -> float:
+    """Mean of the robot's principal moments of inertia at zero joints [kg m²]."""
+    locked_inertia, _ = inertia_matrices(model, np.zeros(model.dof))
+    return float(np.trace(locked_inertia)) / 3.0
+
+
+def revolutions(
+    momenta: Array, wheels: Array, inertia: Array | float, duration: Array | float
+) -> Array:
+    """How often systems rotate along a path, shape (...).
+
+    Args:
+        momenta: Angular momenta [N m s], shape (..., 3).
+        wheels: Momenta stored in wheels [N m s], likewise.
+        inertia: Mean moments of inertia [kg m²], shape (...).
+        duration: Duration of the path [s], shape (...).
+    """
+    magnitudes = np.linalg.norm(momenta, axis=-1) + np.linalg.norm(wheels, axis=-1)
+    return np.asarray(magnitudes / inertia * duration / (2.0 * np.pi))
