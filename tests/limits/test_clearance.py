@@ -9,7 +9,6 @@ import pytest
 import freefloat as ff
 from freefloat.errors import ModelError
 from freefloat.limits.clearance import clearance, joint_levers
-from freefloat.limits.collision import collision_shapes
 from freefloat.limits.pairs import CollisionPairs
 from freefloat.robot.model import FreeFloatingModel
 from tests.errors import error_key
@@ -182,4 +181,4 @@ def test_every_kind_of_shape_has_its_size(tmp_path):
 def test_shapes_that_cannot_be_read_are_refused(geometry):
     model = FreeFloatingModel.from_urdf(prismatic_robot(CUBE, shape_text(geometry)), "hand")
     with pytest.raises(ModelError):
-        collision_shapes(model)
+        CollisionPairs(model)
