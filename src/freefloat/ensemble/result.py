@@ -143,7 +143,7 @@ class BranchResults:
             np.concatenate([part.attitudes for part in every]),
             np.concatenate([part.joints for part in every]),
             EnsembleResult._make(map(np.concatenate, columns)),
-        )  # fmt: skip
+        )
 
     def columns(self, numbers: IntArray) -> BranchResults:
         """The results of some of the columns."""

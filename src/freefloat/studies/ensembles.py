@@ -163,9 +163,9 @@ def _limiting(group: Group, motions: ManyMotions, decided: IntArray) -> dict[str
         for name, of_limit in zip(group.limit_names, group.limit_places, strict=True)
     ]
     limiting = [
-        names[limit][place] for limit, place
-        in zip(largest.tolist(), places[rows, largest].tolist(), strict=True)
-    ]  # fmt: skip
+        names[limit][place]
+        for limit, place in zip(largest.tolist(), places[rows, largest].tolist(), strict=True)
+    ]
     singular = motions.singular[decided]
     return {
         "limiting": np.where(singular, SINGULARITY_LIMITS, limiting).tolist(),
