@@ -95,7 +95,9 @@ def kernel_problem(problem: Problem, limits: AttitudeLimits | None = None) -> Pr
     frames = link_frames(model.single_arms[0])
     robot, measure = kernel_measure(model, problem.task, problem.margin.measure.name, frames)
     if problem.arms:
-        robot = _with_arms(problem, robot, frames)
+        properties = robot.properties.copy()
+        properties[REACH] = unit_of_length(problem.model, problem.task)
+        robot = robot._replace(properties=properties, further=kernel_arms(problem, frames))
     _require_own_bodies(problem.model, limits)
     cones = _cones(model.single_arms[0], frames, limits, path.duration)
     course = _course(path.every, path.breaks)
@@ -112,13 +114,6 @@ def kernel_measure(
         multiples, coefficients = plane.multiples, plane.coefficients(frames.bodies)
     robot = kernel_robot(model, task, coefficients)
     return robot, Measure(KEYS.index(name), len(multiples), multiples)
-
-
-def _with_arms(problem: Problem, robot: Robot, frames: LinkFrames) -> Robot:
-    """The arrays of a robot with its further arms."""
-    properties = robot.properties.copy()
-    properties[REACH] = unit_of_length(problem.model, problem.task)
-    return robot._replace(properties=properties, further=kernel_arms(problem, frames))
 
 
 def _require_two_paths(problem: Problem, limits: AttitudeLimits) -> None:

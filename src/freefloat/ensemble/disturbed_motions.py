@@ -102,7 +102,7 @@ def integrate_disturbed(
     chosen = _best(owners, motions, preferred, len(attitudes))
     found = chosen >= 0
 
-    def of_chosen(values: Array, missing: float) -> Any:
+    def of_chosen(values: npt.NDArray[Any], missing: float) -> Any:
         """Values of the chosen motions, one for each attitude."""
         every = np.full((len(attitudes), *values.shape[1:]), missing, values.dtype)
         every[found] = values[chosen[found]]
@@ -178,8 +178,9 @@ def _decided(
         finer = integrated(chosen, _TOLERANCES[decider], progress=step)
         doubtful = (finer.endings != motions.endings[chosen]) | (finer.endings == FAILED)
         doubtful |= _is_near(finer.minimum, required[chosen], _STILL_UNDECIDED)
-        if decider == FINE:
-            doubtful |= _may_pass(disturbed.problem, finer) | unclear(finer, chosen, FINE)
+        if decider == FINE:  # with exact numbers, fast ones may pass the singularity
+            fast = finer.rates.max(axis=1) * disturbed.problem.path.duration > _GRAZING_RATE
+            doubtful |= (finer.endings == SINGULAR) & fast | unclear(finer, chosen, FINE)
         motions.assign(chosen, finer)
         deciders[chosen] = decider
         chosen, step = chosen[doubtful], None  # which are few
@@ -190,12 +191,6 @@ def _decided(
     for unknown in (motions.rates, motions.base_rate, motions.slacks, motions.attitudes):
         unknown[replaced] = np.nan
     return motions, moments, deciders, replaced
-
-
-def _may_pass(problem: Problem, motions: EnsembleResult) -> BoolArray:
-    """Which motions end at a singularity that they may pass with exact numbers, shape (K,)."""
-    fast = motions.rates.max(axis=1) * problem.path.duration > _GRAZING_RATE
-    return np.asarray((motions.endings == SINGULAR) & fast)
 
 
 def _is_near(minimum: Array, required: Array, distance: float) -> BoolArray:

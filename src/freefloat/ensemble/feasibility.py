@@ -66,14 +66,11 @@ class FeasibilityEvaluator:
             integrator_for(problem, number, tolerance=tolerance, limits=self.limits)
             for number in (threads, 1)
         )
-        self.wrist_flipped = has_wrist_flipped_branches(problem) and not self._on_wrist()
+        bodies = [problem.model.link_places[limit.body][0] for limit in self.limits.pointing]
+        on_wrist = not set(bodies).isdisjoint(WRIST_BODIES)  # whose axes wrist flips move
+        self.wrist_flipped = has_wrist_flipped_branches(problem) and not on_wrist
         exact = not problem.path.arms and closed_form(problem.model_at(), problem.task)
         self.sample_reduction = 1 if exact else _REDUCTION
-
-    def _on_wrist(self) -> bool:
-        """Whether an axis moves differently along wrist-flipped branches."""
-        places = self.problem.model.link_places
-        return any(places[limit.body][0] in WRIST_BODIES for limit in self.limits.pointing)
 
     @property
     def threads(self) -> int:

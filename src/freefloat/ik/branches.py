@@ -144,8 +144,8 @@ def arm_branches(model: FreeFloatingModel, target: Pose, task: Task | str) -> tu
 
 def many_arm_branches(
     model: FreeFloatingModel,
-    positions: npt.ArrayLike,
-    rotations: npt.ArrayLike,
+    positions: Array,
+    rotations: Array,
     task: Task,
 ) -> BranchSets:
     """All arm branches at each of K end-effector poses.
@@ -163,23 +163,22 @@ def many_arm_branches(
     form = closed_form(model, task)
     if form is None:
         return search_arm_branches(model, positions, rotations, task)
-    p, R = _poses(positions, rotations)
     if form is ClosedForm.PARALLEL_AXES:
-        solved = _in_slices(partial(solve_parallel_axes, model), p, R)
+        solved = _in_slices(partial(solve_parallel_axes, model), positions, rotations)
         q, well_conditioned = (
             np.concatenate(parts, axis=-1) for parts in zip(*solved, strict=True)
         )
         joints, names = numbered_branches(model, task, q)
         (others,) = np.nonzero(~well_conditioned)
         if len(others):
-            searched = search_arm_branches(model, p[others], R[others], task)
+            searched = search_arm_branches(model, positions[others], rotations[others], task)
             joints[others], names[others] = searched.joints, searched.names
         return BranchSets(joints, names, _SIGNS)
     if form is ClosedForm.ELBOW_AND_WRIST:
         labels, solve = _SIGNS, partial(solve_elbow_and_wrist, model)
     else:
         labels, solve = _ELBOWS, partial(solve_planar_elbow, model)
-    joints = np.concatenate(_in_slices(solve, p, R), axis=2).transpose(2, 1, 0)
+    joints = np.concatenate(_in_slices(solve, positions, rotations), axis=2).transpose(2, 1, 0)
     exist = np.asarray(np.isfinite(joints).all(axis=2))
     joints = np.where(exist[..., None], joints, np.nan)
     return BranchSets(joints, np.where(exist, np.arange(len(labels)), -1), labels)
@@ -187,16 +186,17 @@ def many_arm_branches(
 
 def search_arm_branches(
     model: FreeFloatingModel,
-    positions: npt.ArrayLike,
-    rotations: npt.ArrayLike,
+    positions: Array,
+    rotations: Array,
     task: Task,
 ) -> BranchSets:
     """:func:`many_arm_branches` by Newton's method, also for arms with a closed form."""
-    p, R = _poses(positions, rotations)
     m = len(task.rows)
     configurations = spread_configurations if model.dof > m else isolated_configurations
-    slices = [slice(first, first + _SLICE) for first in range(0, max(1, len(p)), _SLICE)]
-    found = [configurations(model, task, p[few], R[few], MAX_BRANCHES) for few in slices]
+    slices = [slice(first, first + _SLICE) for first in range(0, max(1, len(positions)), _SLICE)]
+    found = [
+        configurations(model, task, positions[few], rotations[few], MAX_BRANCHES) for few in slices
+    ]
     q = np.concatenate(found, axis=2)
     joints, names = numbered_branches(model, task, q)
     return BranchSets(joints, names, searched_labels(model, task))
@@ -210,11 +210,6 @@ def has_signs(model: FreeFloatingModel, task: Task) -> bool:
 def searched_labels(model: FreeFloatingModel, task: Task) -> tuple[str, ...]:
     """The labels of the branches of an arm that are searched for."""
     return _SIGNS if has_signs(model, task) else _NUMBERS
-
-
-def _poses(positions: npt.ArrayLike, rotations: npt.ArrayLike) -> tuple[Array, Array]:
-    p, R = (np.asarray(values, dtype=float) for values in (positions, rotations))
-    return p.reshape(-1, 3), R.reshape(-1, 3, 3)
 
 
 def _in_slices(solve: Callable[[Array, Array], _Solved], p: Array, R: Array) -> list[_Solved]:

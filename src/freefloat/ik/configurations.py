@@ -18,6 +18,7 @@ from freefloat.dynamics.joint_space import joint_box
 from freefloat.dynamics.tasks import Task
 from freefloat.ik.chain import SAME, Chain
 from freefloat.ik.newton import Newton
+from freefloat.ik.numbering import sorted_joints
 from freefloat.ik.pose_table import PoseTable, sampled_box
 from freefloat.ik.vectors import wrapped
 from freefloat.robot.model import FreeFloatingModel
@@ -114,8 +115,7 @@ def spread_configurations(
             q[..., pending] = usable(chain, together, most)
             pending = pending[np.isnan(q[0, most - 1, pending]) & np.isfinite(q[0, 0, pending])]
     _move_inside(newton, positions, rotations, q)
-    order = np.lexsort(np.rint(1e6 * q[::-1]), axis=0)
-    return usable(chain, np.take_along_axis(q, order[None], axis=1), most)
+    return usable(chain, sorted_joints(q), most)
 
 
 def _starts(

@@ -7,29 +7,17 @@ from math import tau
 import numpy as np
 
 from freefloat.dynamics.tasks import Task, prescribed_rows
-from freefloat.ik.branches import ArmBranch, BranchSets, many_arm_branches
+from freefloat.ik.branches import BranchSets, many_arm_branches
 from freefloat.ik.newton import CONVERGED, Newton
-from freefloat.ik.numbering import MAX_BRANCHES
 from freefloat.ik.several_arms import several_arm_branches
 from freefloat.robot.joint_ranges import revolutions
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.so3 import Array, frozen
+from freefloat.so3 import Array
 
 _NEWTON_STEPS, _PATIENCE = 60, 6
 """Largest number of Newton's steps, and of consecutive steps that hardly reduce the residual."""
 GIVEN, CLOSEST = "given", "closest"
 """Labels of configurations of redundant arms that joint values choose."""
-
-
-def newton_configuration(
-    model: FreeFloatingModel, positions: Array, rotations: Array, task: Task, joints: Array
-) -> ArmBranch | None:
-    """The first of :func:`newton_solutions` from joints (n,), None if it does not converge.
-
-    For redundant arms, whose configurations at a pose form a continuum.
-    """
-    q = newton_solutions(model, positions, rotations, task, joints)[0]
-    return ArmBranch(MAX_BRANCHES, GIVEN, frozen(q)) if np.isfinite(q).all() else None
 
 
 def closest_branches(

@@ -35,8 +35,7 @@ def numbered_branches(model: FreeFloatingModel, task: Task, q: Array) -> tuple[A
     """
     square = len(q) == len(task.rows)
     if square:
-        order = np.lexsort(np.rint(1e6 * q[::-1]), axis=0)
-        q = np.take_along_axis(q, order[None], axis=1)
+        q = sorted_joints(q)
     exist = np.asarray(np.isfinite(q).all(axis=0))
     names = np.where(exist, np.arange(len(exist))[:, None], -1)
     columns = names
@@ -55,6 +54,11 @@ def numbered_branches(model: FreeFloatingModel, task: Task, q: Array) -> tuple[A
     place = np.nonzero(exist)[1], columns[exist]
     joints[place], names_by_column[place] = Chain.of(model).into_range(q[:, exist]).T, names[exist]
     return joints, names_by_column
+
+
+def sorted_joints(q: Array) -> Array:
+    """Joint values (n, B, K) in lexicographic order of their first six decimals."""
+    return np.take_along_axis(q, np.lexsort(np.rint(1e6 * q[::-1]), axis=0)[None], axis=1)
 
 
 def _jacobians(

@@ -26,7 +26,7 @@ from freefloat.ik.branches import (
     searched_labels,
 )
 from freefloat.ik.configurations import all_from_starts, usable
-from freefloat.ik.numbering import MAX_BRANCHES, numbered_branches
+from freefloat.ik.numbering import MAX_BRANCHES, numbered_branches, sorted_joints
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array, BoolArray, IntArray
 
@@ -62,14 +62,9 @@ def searched_combinations(group: ArmGroup, positions: Array, rotations: Array) -
     return _numbered(group, all_from_starts(group.model, _STARTS, len(every), most, solved))
 
 
-def _sorted(q: Array) -> Array:
-    """Combinations (n, B, K) in lexicographic order of their first six decimals."""
-    return np.take_along_axis(q, np.lexsort(np.rint(1e6 * q[::-1]), axis=0)[None], axis=1)
-
-
 def _listed(q: Array) -> BranchSets:
     """Combinations (n, B, K) of redundant arms, one after the other."""
-    joints = np.ascontiguousarray(_sorted(q).transpose(2, 1, 0))
+    joints = np.ascontiguousarray(sorted_joints(q).transpose(2, 1, 0))
     names = np.where(np.isfinite(joints).all(axis=2), np.arange(q.shape[1]), -1)
     return BranchSets(joints, names, tuple(map(str, range(q.shape[1]))))
 
@@ -80,7 +75,7 @@ def _numbered(group: ArmGroup, q: Array) -> BranchSets:
     Its digits are the numbers of the arms' signs. Of combinations with equal signs, one arm after
     the other without names for them has higher numbers; what then is equal has a free column.
     """
-    q = _sorted(q)
+    q = sorted_joints(q)
     exist = np.isfinite(q).all(axis=0)
     pose, own = np.nonzero(exist)[1], q[:, exist]
     digits = np.array([

@@ -12,7 +12,8 @@ from freefloat.dynamics.plane import Plane
 from freefloat.dynamics.tasks import Task, prescribed_rows, required_plane
 from freefloat.errors import InputError, finite_number
 from freefloat.ik.branches import ArmBranch, BranchSets, arm_branches, many_arm_branches
-from freefloat.ik.nearest import closest_branches, newton_configuration
+from freefloat.ik.nearest import GIVEN, closest_branches, newton_solutions
+from freefloat.ik.numbering import MAX_BRANCHES
 from freefloat.ik.several_arms import several_arm_branches
 from freefloat.motion.joint_curves import ArmCurves
 from freefloat.paths.timed_path import TimedPath
@@ -189,9 +190,10 @@ class BranchesOnPath:
         near = self.nearest(values, branches)
         if self.redundant:
             poses = self.poses_seen_from(np.asarray(attitude)[None])
-            given = newton_configuration(self.model_at(), *poses, self.task, values)
-            if given is not None and self.nearest(values, [given]):
-                near = self.nearest(given.joints, branches, _SAME_JOINTS) or given
+            (q,) = newton_solutions(self.model_at(), *poses, self.task, values)
+            given = ArmBranch(MAX_BRANCHES, GIVEN, frozen(q))
+            if np.isfinite(q).all() and self.nearest(values, [given]):
+                near = self.nearest(q, branches, _SAME_JOINTS) or given
         if near is not None:
             return near
         raise InputError(

@@ -23,7 +23,6 @@ from freefloat.motion.joint_curves import ArmCurve, ArmCurves
 from freefloat.motion.margin import Margin
 from freefloat.motion.pointing import AttitudeLimits
 from freefloat.motion.problem_parts import (
-    arms_of,
     margin_of,
     model_of,
     path_of,
@@ -130,7 +129,8 @@ class Problem(BranchesOnPath):
             "redundancy": redundancy, "start_joints": start_joints,
             "scene": Scene() if scene is None else scene,
             "wheel_momentum": zeros() if wheel_momentum is None else wheel_momentum,
-            "arms": arms_of(arms), "limits": limits,
+            "arms": arms if isinstance(arms, ArmCurves) else ArmCurves(arms or {}),
+            "limits": limits,
         }  # fmt: skip
         for name, value in values.items():
             object.__setattr__(self, name, value)

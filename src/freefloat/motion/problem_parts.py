@@ -14,7 +14,6 @@ from freefloat.dynamics.system import System
 from freefloat.dynamics.tasks import Task
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.errors import InputError
-from freefloat.motion.joint_curves import ArmCurves
 from freefloat.motion.margin import Margin
 from freefloat.paths.curves import Curve
 from freefloat.paths.orientation import FreeOrientation
@@ -88,11 +87,6 @@ def margin_of(model: FreeFloatingModel, task: Task | str, value: Any) -> Margin:
         accepted = "('gjm', 0.05), a measure and its value, or a Margin"
         raise InputError("margin", f"{value!r} was given", accepted)
     return Margin(singularity_measure(model, task, value[0]), value[1])
-
-
-def arms_of(value: Any) -> ArmCurves:
-    """Joint curves of further arms, or those of a mapping from names of arms to curves."""
-    return value if isinstance(value, ArmCurves) else ArmCurves(value or {})
 
 
 def require_along_normal(key: str, plane: Plane, momentum: Array) -> None:

@@ -42,7 +42,7 @@ from freefloat.studies.integrity import (
 )
 from freefloat.studies.portable import Files
 from freefloat.studies.rows import StudyRows, database_errors, quoted
-from freefloat.studies.study import UNDISTURBED, Study
+from freefloat.studies.study import Study
 
 _SOFTWARE = ("freefloat", "pin", "numpy", "scipy", "numba")
 _FORMAT = 4
@@ -64,14 +64,20 @@ class StudyDatabase:
         self.rows = StudyRows(folder / DATABASE, list(study.variation.columns(0, 1)))
         self._types = self.rows.types
 
-    def without_file(self, worst: int, undisturbed: bool) -> list[int]:
-        """Numbers of those of the worst runs, and of the undisturbed one, without a whole file."""
+    @property
+    def has_undisturbed_file(self) -> bool:
+        """Whether the file of the undisturbed simulation is there, as it was written."""
+        from freefloat.io.hdf5 import is_whole  # imports slowly
+
+        return is_whole(self.folder / FILES / "undisturbed.h5")
+
+    def worst_without_file(self, count: int) -> list[int]:
+        """Numbers of those of the ``count`` runs with the smallest margins without a whole file."""
         from freefloat.io.hdf5 import is_whole  # imports slowly
 
         query = "SELECT number, file FROM runs WHERE margin IS NOT NULL ORDER BY margin, number"
-        files = list(self.rows.query(f"{query} LIMIT {worst}"))
-        files += [(UNDISTURBED, f"{FILES}/undisturbed.h5")] if undisturbed else []
-        return [number for number, file in files if not (file and is_whole(self.folder / file))]
+        ranked = self.rows.query(f"{query} LIMIT {count}")
+        return [number for number, file in ranked if not (file and is_whole(self.folder / file))]
 
     def add(self, numbers: Column, results: Columns) -> None:
         """Commit rows of runs, ascending, with the values of their parameters.

@@ -93,7 +93,9 @@ def _columns(group: Group, motions: ManyMotions, decided: IntArray) -> dict[str,
     feasible = group.are_feasible(motions)[decided]
     reasons = np.where(completed, MARGIN_REASON, Ending.SINGULAR.value)
     ratios = np.where(completed[:, None], motions.limits.ratios[decided], np.nan)
-    reasons = np.where(margin_kept, _limit_reasons(group.limit_names, ratios), reasons)
+    violated = (compress(group.limit_names, row) for row in (ratios > 1.0).tolist())
+    limits = [LIMITS_REASON.format(", ".join(names)) for names in violated]
+    reasons = np.where(margin_kept, limits, reasons)
     attitudes, joints = motions.attitudes[decided], motions.joints[decided]
     columns: dict[str, Column] = {
         "verdict": np.where(feasible, FEASIBLE, INFEASIBLE),
@@ -171,9 +173,3 @@ def _limiting(group: Group, motions: ManyMotions, decided: IntArray) -> dict[str
         "limiting": np.where(singular, SINGULARITY_LIMITS, limiting).tolist(),
         "limiting_time": np.where(singular, motions.ended_at[decided], times[rows, largest]),
     }
-
-
-def _limit_reasons(names: tuple[str, ...], ratios: Array) -> list[str]:
-    """Which limits are not kept, by the ratios (K, L) of those with names."""
-    violated = (ratios > 1.0).tolist()
-    return [LIMITS_REASON.format(", ".join(compress(names, row))) for row in violated]

@@ -253,7 +253,9 @@ class _Execution:
         study = self.sent.study
         if not study.kept_files:
             return
-        numbers = self.database.without_file(study.kept_files, has_undisturbed_file(study))
+        numbers = self.database.worst_without_file(study.kept_files)
+        if has_undisturbed_file(study) and not self.database.has_undisturbed_file:
+            numbers.append(UNDISTURBED)
         if not numbers:
             return
         with stages(f"{len(numbers):,} result file{'s' * (len(numbers) > 1)}") as progress:

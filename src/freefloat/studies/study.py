@@ -312,7 +312,9 @@ class Study:
 
     def tracking(self, number: int) -> dict[str, Any]:
         """The arguments of :func:`~freefloat.beyond.engines.tracking.track` in a run."""
-        return self.content.track.with_values(self.parameters(number))
+        items = self.parameters(number).items()
+        varied = {key.removeprefix(TRACK): value for key, value in items if key.startswith(TRACK)}
+        return self.content.track.model_dump() | varied
 
 
 class _MarginFile(Section):

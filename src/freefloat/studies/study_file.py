@@ -89,12 +89,6 @@ class TrackSection(Section):
     tolerance: NotNegative = 0.02
     """Allowed distance from the path [m] and angle from its orientation [rad]."""
 
-    def with_values(self, parameters: dict[str, Any]) -> dict[str, Any]:
-        """The keys of the section, with those that vary replaced by their values."""
-        items = parameters.items()
-        varied = {key.removeprefix(TRACK): value for key, value in items if key.startswith(TRACK)}
-        return self.model_dump() | varied
-
 
 class StudyFile(Section):
     """A study: a base scenario, the command to run, and the keys that vary between runs."""
