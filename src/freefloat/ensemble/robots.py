@@ -19,6 +19,7 @@ from freefloat.dynamics.link_frames import (
     robot_properties,
 )
 from freefloat.dynamics.plane import Plane
+from freefloat.ik.vectors import dot
 from freefloat.motion.problem import Problem
 from freefloat.robot.description import IDENTITY
 from freefloat.robot.model import FreeFloatingModel
@@ -173,7 +174,7 @@ class Robots:
             normals = (self.base[:, :3] @ normal).T  # in link frame 0
             links = links - normals[:, None] * np.einsum("ik,ijk->jk", normals, links)
         largest = np.abs(self.nominal.joint_ranges).max(axis=0)
-        lengths = [*np.sqrt(_dot(links, links))]
+        lengths = [*np.sqrt(dot(links, links))]
         lengths += [strokes[k] * largest[k] for k in np.flatnonzero(self.nominal.prismatic)]
         return reduce(np.add, lengths)
 
@@ -184,10 +185,10 @@ class Robots:
         origins = frames[:, 3].T[..., None]
         masses, moments = self.bodies[..., 0].T, self._moments(frames)
         about_frames = np.moveaxis(self.bodies[..., 4:7], -1, 0).swapaxes(1, 2)
-        shifted = 4.0 * _dot(origins, moments) - 2.0 * masses * _dot(origins, origins)
+        shifted = 4.0 * dot(origins, moments) - 2.0 * masses * dot(origins, origins)
         traces = reduce(np.add, [*about_frames, shifted])
         whole = reduce(np.add, moments.swapaxes(0, 1))
-        trace = reduce(np.add, traces) - 2.0 * _dot(whole, whole) / self.total_masses
+        trace = reduce(np.add, traces) - 2.0 * dot(whole, whole) / self.total_masses
         return np.asarray(trace / 3.0)
 
     @property
@@ -265,9 +266,3 @@ def _moved(base: Array, mount: Pose, positions: Array, rotations: Array) -> Arra
     columns = rotations @ local
     columns[..., 3] += positions
     return np.ascontiguousarray(columns.swapaxes(1, 2))
-
-
-def _dot(a: Array, b: Array) -> Array:
-    """Scalar products of vectors (3, ...)."""
-    x, y, z = a * b
-    return np.asarray(x + y + z)

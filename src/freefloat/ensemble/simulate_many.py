@@ -78,12 +78,6 @@ def simulate_many(
     by_link = scale_mass if isinstance(scale_mass, Mapping) else {}
     factor = 1.0 if isinstance(scale_mass, Mapping) else scale_mass
     vectors = {"attitudes": q0, "momenta": momenta, "wheels": wheels, "drifts": drifts}
-    for key, values in vectors.items():
-        size = 4 if key == "attitudes" else 3
-        accepted = f"{size} numbers, or {size} for each motion"
-        shape = (size,) if values is None else number_array(key, values, accepted).shape
-        if shape[-1:] != (size,):
-            raise InputError(key, f"shape {shape} was given", accepted)
     numbers = {"durations": durations, "scale_mass": factor, "thresholds": thresholds}
     numbers |= {f"scale_mass.{link}": values for link, values in by_link.items()}
     counts = _counts(vectors, 2) + _counts(numbers, 1)

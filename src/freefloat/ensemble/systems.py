@@ -222,11 +222,10 @@ def broadcast(
 ) -> Array:
     """Values for all motions, or for each, as an array of a shape; else an InputError."""
     array = number_array(key, values, accepted)
-    try:
-        array = np.broadcast_to(array, shape)
-    except ValueError:
-        accepted = f"one value for all motions or one for each, shape {shape}"
-        raise InputError(key, f"shape {array.shape} was given", accepted) from None
+    if array.shape not in (shape, shape[1:]):
+        accepted = f"one value for all motions, shape {shape[1:]}, or one for each, shape {shape}"
+        raise InputError(key, f"shape {array.shape} was given", accepted)
+    array = np.broadcast_to(array, shape)
     wrong = ~(np.isfinite(array) & (array >= lowest) & (array <= highest))
     if wrong.any():
         raise InputError(key, f"{array[wrong].flat[0]} was given", accepted)

@@ -9,7 +9,6 @@ two signs of the elbow. Arrays are as in :mod:`freefloat.ik.analytic`.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from freefloat.dynamics.tasks import Task
 from freefloat.ik.analytic import (
@@ -25,7 +24,7 @@ from freefloat.ik.chain import SAME, Chain
 from freefloat.ik.newton import Newton
 from freefloat.ik.vectors import cross, dot, norm, rotated, times, wrapped
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.so3 import Array
+from freefloat.so3 import Array, BoolArray
 
 _POLISHING = 8
 """Steps of Newton's method."""
@@ -35,8 +34,6 @@ _OFF_CIRCLE = 1e-4
 """Distance from the unit circle of roots that may lie on it: double roots have half the digits."""
 _DOUBLE = 1e-8
 """One minus the cosine of the angle between two roots below which they are ill-conditioned."""
-
-BoolArray = npt.NDArray[np.bool_]
 
 
 def circle_angles(N: Array, m: Array) -> tuple[Array, BoolArray]:

@@ -117,7 +117,11 @@ def _first_node(
         finite_number(key, time, f"a time from 0 to {duration:g} s", 0.0, duration)
     joints = problem.all_joints(values, start)
     if len(values) == len(joints) and problem.model.arms:
-        _require_on_curves(problem, np.abs(values - joints), start)
+        errors = np.abs(values - joints)
+        if errors[k := int(errors.argmax())] > _ON_PATH:
+            of_joint = f"{problem.model.joint_names[k]} is {errors[k]:.3g}"
+            problem_text = f"{of_joint} off the joint curve of its arm at t = {start:g} s"
+            raise InputError("joints", problem_text, "the joints of the arms that follow paths")
     offset, angle = path_errors(problem, np.array([start]), attitude[None], joints[None])[0]
     if max(offset, angle) > _ON_PATH:
         raise InputError(
@@ -127,15 +131,6 @@ def _first_node(
             "joints that meet the path; Problem.branches(attitude) lists them",
         )
     return np.concatenate([[start], attitude, joints])
-
-
-def _require_on_curves(problem: Problem, errors: Array, t: float) -> None:
-    """Raise an InputError unless the joints of further arms are on their curves."""
-    k = int(errors.argmax())
-    if errors[k] > _ON_PATH:
-        name = problem.model.joint_names[k]
-        problem_text = f"{name} is {errors[k]:.3g} off the joint curve of its arm at t = {t:g} s"
-        raise InputError("joints", problem_text, "the joints of the arms that follow paths")
 
 
 def _cut(motion: Motion, f: Callable[[Array], Array], level: float, ending: Ending) -> Motion:

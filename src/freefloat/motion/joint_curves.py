@@ -145,9 +145,7 @@ class ArmCurve:
 
         They are also valid a little beyond.
         """
-        k = int(
-            np.clip(np.searchsorted(self.times, (start + end) / 2.0) - 1, 0, len(self.times) - 2)
-        )
+        k = int(np.searchsorted(self.times[1:-1], (start + end) / 2.0))
         values, rates = (
             scipy.interpolate.PPoly(spline.c[:, k : k + 1], self.times[k : k + 2])
             for spline in self._derivatives[:2]

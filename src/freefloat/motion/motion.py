@@ -60,12 +60,7 @@ class State:
 
     def to_dict(self) -> dict[str, Any]:
         """The state as a JSON document."""
-        return {
-            "time": self.time,
-            "attitude": self.attitude.tolist(),
-            "joints": self.joints.tolist(),
-            "base_position": self.base_position.tolist(),
-        }
+        return {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in vars(self).items()}
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,21 +181,21 @@ class Motion:
     @cached_property
     def node_rates(self) -> Array:
         """Rates of spacecraft and joints at the nodes of every panel, shape (panels, 9, 3 + n)."""
-        nodes = self.panel_nodes
-        which, panels = nodes.ravel(), np.repeat(np.arange(self.panels), DEGREE + 1)
-        rates = self.law.rates(
-            self.times[which], self.attitudes[which], self.joints[which],
-            self.timing_segment(panels),
-        )  # fmt: skip
-        return frozen(np.concatenate(rates, axis=1).reshape(*nodes.shape, -1))
+        rates = np.concatenate(self.law.rates(*self._panel_arguments), axis=1)
+        return frozen(rates.reshape(-1, DEGREE + 1, rates.shape[1]))
 
     @cached_property
     def node_effort(self) -> Forces:
         """Rates, accelerations and forces at the nodes, arrays of shape (panels, 9, ...)."""
-        which, panels = self.panel_nodes.ravel(), np.repeat(np.arange(self.panels), DEGREE + 1)
-        states = self.times[which], self.attitudes[which], self.joints[which]
-        values = vars(self.law.effort(*states, self.timing_segment(panels))).values()
+        values = vars(self.law.effort(*self._panel_arguments)).values()
         return Forces(*(frozen(rows.reshape(-1, DEGREE + 1, rows.shape[-1])) for rows in values))
+
+    @property
+    def _panel_arguments(self) -> tuple[Array, Array, Array, IntArray]:
+        """What laws take of the states at the nodes of every panel."""
+        which, panels = self.panel_nodes.ravel(), np.repeat(np.arange(self.panels), DEGREE + 1)
+        segments = self.timing_segment(panels)
+        return self.times[which], self.attitudes[which], self.joints[which], segments
 
     def at(self, panel: IntArray, x: Array) -> tuple[Array, Array, Array]:
         """Times (K,), attitudes (K, 4) and joints (K, n) in panels, at parameters from -1 to 1."""

@@ -132,17 +132,12 @@ class PointingLimit:
 
     def to_dict(self) -> dict[str, Any]:
         """The keys of a scenario's limit, angles in degrees."""
-        target = (
-            {"point": self.point.tolist()}
-            if self.point is not None
-            else {"direction": np.asarray(self.direction).tolist()}
-        )
-        named = {} if self.name is None else {"name": self.name}
+        kind = "direction" if self.point is None else "point"
         return {
-            **named,
+            **({} if self.name is None else {"name": self.name}),
             "body": self.body,
             "axis": self.axis.tolist(),
-            "target": target,
+            "target": {kind: getattr(self, kind).tolist()},
             "keep": str(self.keep),
             "angle_deg": float(np.degrees(self.angle)),
         }

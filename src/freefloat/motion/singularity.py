@@ -66,13 +66,8 @@ class SingularEvent:
 
     def to_dict(self) -> dict[str, Any]:
         """The JSON document."""
-        return {
-            "time": self.time,
-            "s": self.s,
-            "end_effector": self.end_effector.tolist(),
-            "joints": self.joints.tolist(),
-            "kind": str(self.kind),
-        }
+        values = vars(self) | {"kind": str(self.kind)}
+        return {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in values.items()}
 
 
 def singular_event(motion: Motion) -> SingularEvent | None:

@@ -38,8 +38,6 @@ from freefloat.studies.study_file import (
 from freefloat.studies.variation import Variation, scenario_from, with_values
 
 CLEARANCE = "limits.clearance"
-_MANY = 100
-"""Number of runs from which an ensemble may find the arm branch of the unvaried scenario."""
 UNDISTURBED = -1
 """In place of the number of a run: the base scenario as it is, with the start of the runs."""
 _CONTACT_UNCHECKED = (
@@ -267,13 +265,8 @@ class Study:
             scenario = self.scenario(UNDISTURBED)
             start_at = self.initial_attitude(UNDISTURBED) or self._centre
             attitude = initial_attitude(scenario.problem(), start_at)
-            if self.count < _MANY:
-                return StartSection(
-                    joints=scenario.simulate(attitude).chosen.branch.joints.tolist()
-                )
-            from freefloat.studies.run_limits import chosen_joints  # compiled kernels
-
-            return StartSection(joints=chosen_joints(scenario, attitude).tolist())
+            joints = scenario.simulate(attitude).chosen.branch.joints
+            return StartSection(joints=joints.tolist())
         except FreeFloatError as error:
             problem = f"the unvaried scenario has no motion that would choose it: {error}"
             accepted = "start: {branch: best}, a number of a branch, or start: {joints: [...]}"

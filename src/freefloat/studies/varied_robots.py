@@ -15,7 +15,7 @@ from freefloat.io.scenario.robot_section import RobotSection
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.rotations import Rotation
 from freefloat.so3 import Array, BoolArray, IntArray, Pose
-from freefloat.studies.columns import as_numbers
+from freefloat.studies.columns import Column, as_numbers
 
 SCALE_MASS = "robot.scale_mass"
 MASS_FACTORS = 1e-2, 1e2
@@ -29,7 +29,6 @@ INERTIA = "inertia"
 """Last word of the keys of inertias."""
 _LARGEST = 1e9
 _TRIANGLE = 1e-9
-Column = Array | Sequence[Any]
 
 
 def is_robot_key(key: str) -> bool:
