@@ -17,8 +17,7 @@ from freefloat.motion.problem import Problem
 from freefloat.motion.problem_parts import (
     MAX_REVOLUTIONS,
     mean_inertia,
-    require_along_normal,
-    require_in_plane,
+    require_planar_vectors,
     revolutions,
 )
 from freefloat.so3 import Array, BoolArray, IntArray
@@ -203,9 +202,8 @@ def equivalents(
         for (key, given), value in zip(vectors.items(), nominals, strict=True)
     )
     if problem.has_headings:
-        for key, values in (("momenta", h), ("wheels", w)):
-            require_along_normal(key, problem.plane, values)
-        require_in_plane("drifts", problem.plane, v)
+        for key, values in (("momenta", h), ("wheels", w), ("drifts", v)):
+            require_planar_vectors(key, problem.plane, values, along=key != "drifts")
     ratio = (stretches / factors)[:, None]
     systems = Systems(h * ratio, w * ratio, v * stretches[:, None], robots, offsets)
     scales = np.ones((count, 1)) if scales is None else scales

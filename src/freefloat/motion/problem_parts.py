@@ -89,44 +89,36 @@ def margin_of(model: FreeFloatingModel, task: Task | str, value: Any) -> Margin:
     return Margin(singularity_measure(model, task, value[0]), value[1])
 
 
-def require_along_normal(key: str, plane: Plane, momentum: Array) -> None:
-    """Raise an InputError that names a key unless momenta (..., 3) are along the plane's normal."""
-    vector = _worst(plane, momentum, slice(2))
-    if vector is not None:
-        problem = f"{vector.tolist()} has components other than {plane.axis} in a planar task"
-        raise InputError(key, problem, _vector(plane, "h", 1.0))
+def require_planar_vectors(key: str, plane: Plane, vectors: Array, *, along: bool) -> None:
+    """Raise an InputError that names a key unless vectors (..., 3) are normal to or in a plane.
 
-
-def require_in_plane(key: str, plane: Plane, velocity: Array) -> None:
-    """Raise an InputError that names a key unless velocities (..., 3) are in the plane."""
-    vector = _worst(plane, velocity, slice(2, 3))
-    if vector is not None:
-        problem = f"{vector.tolist()} has a component along {plane.axis} in a planar task"
-        raise InputError(key, problem, _vector(plane, "v", 0.0))
-
-
-def _worst(plane: Plane, vectors: Array, forbidden: slice) -> Array | None:
-    """The vector with the largest of some components along the axes; None where all are zero."""
+    Args:
+        key: The key.
+        plane: The plane.
+        vectors: Momenta, which are along the normal, or velocities, which are in the plane.
+        along: Whether they have to be along the normal.
+    """
     rows = vectors.reshape(-1, 3)
-    sizes = np.abs(plane.seen(rows)[:, forbidden]).max(axis=1, initial=0.0)
+    forbidden = plane.seen(rows)[:, slice(2) if along else slice(2, 3)]
     allowed = _VANISHING_COMPONENT if plane.is_exact else plane.tolerance
-    sizes = np.maximum(sizes - allowed * np.linalg.norm(rows, axis=1), 0.0)
-    return rows[sizes.argmax()] if sizes.any() else None
-
-
-def _vector(plane: Plane, letter: str, kept: float) -> str:
-    """What is accepted: ``[0, 0, hz]``, or in words where the normal is no coordinate axis."""
-    if not plane.is_exact:
-        return f"a vector {'along' if kept else 'normal to'} {plane.axis}"
-    named = zip("xyz", plane.normal, strict=True)
-    return f"[{', '.join(letter + axis if entry == kept else '0' for axis, entry in named)}]"
+    sizes = np.abs(forbidden).max(axis=1, initial=0.0) - allowed * np.linalg.norm(rows, axis=1)
+    if not (sizes > 0.0).any():
+        return
+    components = f"{'components other than' if along else 'a component along'} {plane.axis}"
+    problem = f"{rows[sizes.argmax()].tolist()} has {components} in a planar task"
+    accepted = f"a vector {'along' if along else 'normal to'} {plane.axis}"
+    if plane.is_exact:  # [0, 0, hz], or [vx, vy, 0]
+        named, letter = zip("xyz", plane.normal == 1.0, strict=True), "h" if along else "v"
+        words = (letter + axis if normal == along else "0" for axis, normal in named)
+        accepted = f"[{', '.join(words)}]"
+    raise InputError(key, problem, accepted)
 
 
 def require_planar(plane: Plane, system: System, path: TimedPath, task: Task) -> None:
     """Raise an InputError unless the momenta and a path of a planar robot stay in its plane."""
-    require_along_normal("momentum", plane, system.momentum)
-    require_along_normal("wheels.momentum", plane, system.wheels)
-    require_in_plane("drift", plane, system.drift)
+    require_planar_vectors("momentum", plane, system.momentum, along=True)
+    require_planar_vectors("wheels.momentum", plane, system.wheels, along=True)
+    require_planar_vectors("drift", plane, system.drift, along=False)
     arms = [VirtualManipulator.of(arm) for arm in system.model.single_arms]
     keys = ["path", *(f"robot.arms.{name}.law.path" for name in path.arms)]
     for key, arm, own in zip(keys, arms, path.every, strict=True):

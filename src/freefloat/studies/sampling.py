@@ -74,14 +74,11 @@ class GridSection(Section):
 
     def values(self) -> list[Any]:
         """The numbers or points of the grid."""
-        if not isinstance(self.count, list):
-            return _integers(_rounded(np.linspace(self.start, self.end, self.count).tolist()))
-        # start and end are lists, too, as the validator of this section requires
-        axes = [
-            _rounded(np.linspace(*ends).tolist())
-            for ends in zip(self.start, self.end, self.count, strict=True)  # type: ignore[arg-type]
-        ]
-        return [list(point) for point in itertools.product(*axes)]
+        ends = zip(*map(np.atleast_1d, (self.start, self.end, self.count)), strict=True)
+        axes = [_rounded(np.linspace(*each).tolist()) for each in ends]
+        if isinstance(self.count, list):
+            return [list(point) for point in itertools.product(*axes)]
+        return _integers(axes[0])
 
 
 class NormalSection(Section):
