@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from freefloat.io.scenario.path_schema import FrameName
+from freefloat.io.scenario.scenario import Scenario
 from freefloat.motion.pointing import Keep, PointingLimit
 from freefloat.motion.problem import Problem
+from freefloat.rotations import rotation_matrix
 from freefloat.so3 import Array, BoolArray, IntArray
 from freefloat.studies.columns import NUMBER, Columns, as_numbers
 from freefloat.studies.study import Study
@@ -172,6 +175,22 @@ class Line:
             elif whole in ENDS:
                 ends[:, ENDS.index(whole), int(entry)] = as_numbers(column, ())
         return (ends - self.ends) @ self.axes.T
+
+
+def lines_vary(keys: Iterable[str]) -> bool:
+    """Whether ends of a line are among varied keys."""
+    return any(key.startswith(ENDS) for key in keys)
+
+
+def line_of(scenario: Scenario, keys: Iterable[str]) -> Line | None:
+    """The path of a scenario if its ends vary: a line in the inertial or the spacecraft's frame."""
+    path, attitude = scenario.content.path, scenario.search().from_attitude
+    if path.line is None or not lines_vary(keys):
+        return None
+    axes = np.eye(3)
+    if path.frame is FrameName.SPACECRAFT and attitude is not None:
+        axes = rotation_matrix(attitude)
+    return Line(np.array([path.line.start, path.line.end]), axes)
 
 
 def are_lines(offsets: Array, problem: Problem) -> BoolArray:

@@ -10,19 +10,20 @@ from typing import Any
 import numpy as np
 
 from freefloat.ensemble.disturbed_motions import integrate_disturbed
-from freefloat.ensemble.known_limits import KnownLimits, LimitValues
+from freefloat.ensemble.known_limits import KNOWN, KnownLimits, LimitValues
 from freefloat.ensemble.many_motions import ManyMotions
 from freefloat.ensemble.systems import ScaledMotions, equivalents
 from freefloat.errors import FreeFloatError
 from freefloat.io.scenario.path_schema import FrameName
 from freefloat.io.scenario.scenario import Scenario
+from freefloat.limits.kinds.corridor import CorridorLimit
+from freefloat.limits.limits import GIVEN
 from freefloat.limits.recorded_limits import RecordedLimits
+from freefloat.motion.pointing import AttitudeLimits
 from freefloat.motion.problem import Problem
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.rotations import rotation_matrix
 from freefloat.so3 import UPRIGHT, Array, BoolArray, IntArray
 from freefloat.studies import disturbances
-from freefloat.studies.run_limits import limits_of_runs
 from freefloat.studies.study import Study
 from freefloat.studies.study_file import START_KEYS, initial_attitude
 from freefloat.studies.variation import with_values
@@ -188,7 +189,7 @@ def _group(study: Study, number: int, reasons: list[str]) -> Group | None:
         return None
     apart = list(_unfit_values(study, scenario, problem, parameters))
     moved = vary_robots(study.content.vary, listed) or "timing.duration" in parameters
-    limits, recorded, others = limits_of_runs(
+    limits, recorded, others = _limits_of_runs(
         scenario, mounts=_mounts_vary(parameters), moved=moved
     )
     if others:
@@ -211,7 +212,8 @@ def _group(study: Study, number: int, reasons: list[str]) -> Group | None:
     return Group(
         study, problem, scenario.content.margin.fraction is not None, attitude,
         start.branch if isinstance(start.branch, int) else None, joints, limits, recorded, others,
-        nominal, _varied_robot(study, document, scenario), _line(scenario, parameters),
+        nominal, _varied_robot(study, document, scenario),
+        disturbances.line_of(scenario, parameters),
     )  # fmt: skip
 
 
@@ -232,28 +234,13 @@ def _unfit_values(
     if turned and _mounts_vary(parameters):
         yield f"the mount varies, and with it the {frame} frame of the path"
     attitude = content.path.attitude
-    if _lines_vary(parameters):
+    if disturbances.lines_vary(parameters):
         if frame not in (FrameName.INERTIAL, FrameName.SPACECRAFT):
             yield f"the path varies in the frame {frame}"
         elif attitude is not None and (attitude.follow or attitude.point_at):
             yield "the path varies, and with it the orientation of the end-effector"
     if "heading_deg" in parameters and not problem.has_headings:
         yield "heading_deg varies, but the spacecraft does not turn in a plane"
-
-
-def _lines_vary(parameters: Mapping[str, Any]) -> bool:
-    return any(key.startswith(disturbances.ENDS) for key in parameters)
-
-
-def _line(scenario: Scenario, parameters: Mapping[str, Any]) -> disturbances.Line | None:
-    """The path of a scenario if its ends vary: a line in the inertial or the spacecraft's frame."""
-    path, attitude = scenario.content.path, scenario.search().from_attitude
-    if path.line is None or not _lines_vary(parameters):
-        return None
-    axes = np.eye(3)
-    if path.frame is FrameName.SPACECRAFT and attitude is not None:
-        axes = rotation_matrix(attitude)
-    return disturbances.Line(np.array([path.line.start, path.line.end]), axes)
 
 
 def _mounts_vary(parameters: Mapping[str, Any]) -> bool:
@@ -280,3 +267,32 @@ def _varied_robot(study: Study, document: dict[str, Any], scenario: Scenario) ->
 def _moves_with_robot(scenario: Scenario) -> bool:
     """Whether the path is stated in the frame of the spacecraft, of the base, or of a link."""
     return scenario.content.path.frame not in (FrameName.INERTIAL, *scenario.scene().names)
+
+
+def _limits_of_runs(
+    scenario: Scenario, *, mounts: bool, moved: bool
+) -> tuple[KnownLimits, RecordedLimits, tuple[str, ...]]:
+    """The limits that ensembles know, those that recorded motions show, and names of the others.
+
+    Args:
+        scenario: The scenario.
+        mounts: Whether mounts vary, so that axes and bodies of the arm's first link do.
+        moved: Whether durations or robots vary, so that the bodies of a scene are elsewhere.
+    """
+    limits, problem = scenario.limits(), scenario.problem()
+    bounds = {kind.name: getattr(limits, kind.name) for kind in GIVEN}
+    given = {
+        name for name, bound in bounds.items()
+        if bound is not None and np.size(bound) > 0 and not isinstance(bound, str)
+    }  # fmt: skip
+    if problem.scene.corridor is not None:
+        given.add(CorridorLimit.name)
+    recorded = (
+        RecordedLimits(problem) if mounts else RecordedLimits.of(problem, limits, moved=moved)
+    )
+    attitude = AttitudeLimits(
+        pointing=() if mounts else limits.pointing, base_turn=limits.base_turn
+    )
+    known = KnownLimits(problem.model, limits.joint_rate, limits.base_rate, attitude)
+    seen = {*KNOWN, *recorded.names} - ({"pointing"} if mounts else set())
+    return known, recorded, tuple(sorted(given - seen))
