@@ -116,10 +116,11 @@ def test_plain_values_that_are_missing_or_contradict_are_named(spatial):
         ({"duration": 9.0, "margin": measure}, "path"),
         ({"path": path, "margin": measure}, "duration"),
         ({"path": spatial.path, "duration": 9.0, "margin": measure}, "duration"),
-        ({"path": path, "duration": 9.0}, "margin"),
         ({"path": path, "duration": 9.0, "margin": ("gjm",)}, "margin"),
         ({"path": path, "duration": 9.0, "margin": ("det", 0.1)}, "measure"),
     ):
         assert error_key(partial(build, **values)) == key
+    margin = build(path=path, duration=9.0).margin
+    assert (margin.measure.name, margin.threshold) == ("gjm", 0.0)
     other = partial(ff.Problem, spatial.model, "tool", path=spatial.path, margin=measure)
     assert error_key(other) == "end_effector"

@@ -194,8 +194,10 @@ class Study:
         return with_values(self.base, own)
 
     def inputs(self, number: int) -> dict[str, Any]:
-        """What determines a run's motion: its document and its start."""
-        return {"document": self.posed(self.document(number)), "start": self.start(number)}
+        """What determines a run's motion: its document, with a margin's value, and its start."""
+        document = self.posed(self.document(number))
+        document = document | self._margin_value(document)
+        return {"document": document, "start": self.start(number)}
 
     def scenario(self, number: int) -> Scenario:
         """The scenario of a run.
