@@ -12,8 +12,8 @@ import pytest
 
 import freefloat as ff
 from freefloat.beyond.engines.mujoco_model import MuJoCoModel
+from freefloat.beyond.formats.mjcf_file import robot_mjcf
 from freefloat.dynamics.inverse_dynamics import InverseDynamics
-from freefloat.robot.mjcf_writer import robot_mjcf
 
 ARMATURE = (0.7, 0.2, 5.0)
 MJCF = """<mujoco><compiler angle="radian"/><option gravity="0 0 0"/><worldbody><body name="bus">{}

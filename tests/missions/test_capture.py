@@ -11,8 +11,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import freefloat as ff
+from freefloat.beyond.formats.mjcf_file import robot_mjcf
 from freefloat.dynamics.momentum import end_effector_jacobian, momentum_map
-from freefloat.robot.mjcf_writer import robot_mjcf
 from freefloat.robot.parts import Mount
 from freefloat.rotations import rotation_matrix
 from tests.motions import bundled

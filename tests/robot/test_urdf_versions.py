@@ -13,8 +13,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import freefloat as ff
+from freefloat.beyond.formats.mjcf_file import robot_mjcf
 from freefloat.errors import ModelError
-from freefloat.robot.mjcf_writer import robot_mjcf
 from freefloat.robot.parts import Attachment
 from freefloat.robot.shapes import Capsule
 from freefloat.robot.validation import examine, read_urdf

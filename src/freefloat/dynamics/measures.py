@@ -13,7 +13,6 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
-from freefloat.attitude_grids import low_discrepancy
 from freefloat.dynamics.arm_factor import ArmPlane
 from freefloat.dynamics.generalized_jacobian import (
     generalized_determinant,
@@ -28,7 +27,7 @@ from freefloat.dynamics.tasks import (
     require_task,
     required_plane,
 )
-from freefloat.dynamics.virtual_manipulator import VirtualManipulator, meeting_point
+from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.errors import InputError
 from freefloat.robot.joint_values import finite_after
 from freefloat.robot.model import FreeFloatingModel
@@ -188,8 +187,8 @@ def _sigma(
     return values[..., -1] / np.linalg.norm(positive[..., -1:] / positive, power, axis=-1)
 
 
-_IN_PLANE, _OUT_OF_PLANE = [0, 4, 5], [1, 2, 3]
 _TOLERANCE = 1e-6
+"""Cosine of the angle between axes that are normal to each other."""
 
 
 def plane_axes(model: FreeFloatingModel, task: Task) -> Array:
@@ -197,42 +196,25 @@ def plane_axes(model: FreeFloatingModel, task: Task) -> Array:
 
     With the spherical wrist eliminated and the end-effector not rotating, shoulder and elbow
     satisfy the 6x6 system (37). In these axes it splits into two blocks as in (39): momentum about
-    the normal and velocities in the plane on one side, the rest on the other.
-
-    The bodies behind the wrist move with its velocity v and contribute m d x v to the momentum, d
-    from the wrist centre to their centre of mass. Where d leaves the plane that term couples the
-    blocks; it is a multiple of other rows and is subtracted before the coupling is tested.
+    the normal and velocities in the plane on one side, the rest on the other, where the masses are
+    symmetric, see :meth:`.ArmPlane.is_symmetric`.
 
     Raises:
         InputError: If the system of the arm does not split into the two blocks.
     """
-    error = InputError(
+    virtual = VirtualManipulator.of(model)
+    if task is Task.POSE and virtual.has_elbow_and_spherical_wrist and not model.on_table:
+        k, normal = virtual.axes_at(np.zeros(6))[:2]
+        frames = link_frames(model)
+        plane = ArmPlane.of(frames)
+        if abs(k @ normal) < _TOLERANCE and plane.is_symmetric(frames.bodies[None])[0]:
+            return np.array([normal, np.cross(k, normal), k])
+    raise InputError(
         "measure",
         "this arm's system (5) has no in-plane factor",
         "gjm, system or sigma; arm requires six joints, the second and third parallel and normal "
         "to the first, the last three meeting in a point, a spacecraft symmetric about the first",
     )
-    virtual = VirtualManipulator.of(model)
-    if model.on_table or task is not Task.POSE or not virtual.has_elbow_and_spherical_wrist:
-        raise error
-    offset = _last_body_offset(model, virtual.reach)
-    if offset is None:
-        raise error
-    terms = trigonometric_terms(model)
-    for fraction in low_discrepancy(8, 6):
-        joints = np.pi * (2.0 * fraction - 1.0)
-        joints[4] = 0.5 + 2.0 * fraction[4]
-        axes = _plane_axes_at(virtual, joints)
-        R = _shoulder_system(model, joints, axes)
-        d = axes @ virtual.pose(joints).rotation @ virtual.tool.T @ offset
-        R[:3] -= model.bodies[-1].mass * np.cross(d, R[3:].T).T
-        blocks = R[np.ix_(_IN_PLANE, _OUT_OF_PLANE)], R[np.ix_(_OUT_OF_PLANE, _IN_PLANE)]
-        coupling, scale = np.abs(blocks).max(), np.abs(R).max()
-        factor = np.linalg.det(R[np.ix_(_IN_PLANE, _IN_PLANE)])
-        change = abs(factor - _sum_of_terms(terms, joints))
-        if max(abs(axes[0] @ axes[2]), coupling / scale, change / scale**3) > _TOLERANCE:
-            raise error
-    return _plane_axes_at(virtual, np.zeros(6))
 
 
 def trigonometric_terms(model: FreeFloatingModel) -> Array:
@@ -256,29 +238,3 @@ def _arm(terms: Array, joints: Array) -> Any:
 def _sum_of_terms(terms: Array, joints: Array) -> Any:
     angles = joints[..., 1:3] @ terms[:, :2].T
     return np.cos(angles) @ terms[:, 2] + np.sin(angles) @ terms[:, 3]
-
-
-def _shoulder_system(model: FreeFloatingModel, joints: Array, axes: Array) -> Array:
-    """The system (37): rows ``h, v`` and columns ``w, q1 q2 q3``, in axes (3, 3) given as rows."""
-    A = system_matrix(model, joints)
-    R = A[:6, :6] - A[:6, 6:] @ np.linalg.solve(A[6:, 6:], A[6:, :6])
-    R[:3], R[3:] = axes @ R[:3], axes @ R[3:]
-    R[:, :3] = R[:, :3] @ axes.T
-    return R
-
-
-def _plane_axes_at(virtual: VirtualManipulator, joints: Array) -> Array:
-    """Normal of the arm's plane (joint 2), joint 1 x joint 2, joint 1: rows, shape (3, 3)."""
-    k, normal = virtual.axes_at(joints)[:2]
-    return np.array([normal, np.cross(k, normal), k])
-
-
-def _last_body_offset(model: FreeFloatingModel, reach: float) -> Array | None:
-    """Vector from the real arm's wrist centre to the last body's centre of mass, in that body."""
-    four, five, six = model.bodies[4:]
-    R = five.placement.rotation @ six.placement.rotation
-    origin = five.placement.position + five.placement.rotation @ six.placement.position
-    points = np.array([np.zeros(3), five.placement.position, origin])
-    axes = np.array([four.axis, five.placement.rotation @ five.axis, R @ six.axis])
-    centre = meeting_point(points, axes, 1e-9 * reach)
-    return None if centre is None else six.centre - R.T @ (centre - origin)

@@ -1,16 +1,32 @@
-"""Robots and the ends of a trajectory as a model of MuJoCo (MJCF)."""
+"""Robots, and the ends of a trajectory, as models of MuJoCo (MJCF)."""
 
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
+from collections.abc import Iterable, Iterator
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from freefloat.errors import InputError
 from freefloat.io.formats.trajectory import Trajectory
-from freefloat.robot.mjcf_writer import attribute, robot_mjcf, why_refused
-from freefloat.rotations import rotation_matrix
-from freefloat.so3 import Array
+from freefloat.robot.description import LinkShape
+from freefloat.robot.mesh_files import MeshFileError, find_mesh
+from freefloat.robot.model import FreeFloatingModel
+from freefloat.robot.rigid_bodies import Body
+from freefloat.robot.shapes import Box, Capsule, Cylinder, MeshFile, Sphere
+from freefloat.rotations import Rotation, rotation_matrix
+from freefloat.so3 import Array, Pose
+
+if TYPE_CHECKING:
+    from freefloat.robot.meshes import Mesh
+
+_LIGHTEST = "1e-9"
+"""Mass and inertia of bodies without mass, which MuJoCo refuses [kg, kg m²]."""
+_MOMENT_EXCESS = 1e-6
+"""Relative excess of a moment of inertia that is taken for rounding."""
+_STEP = "0.001"
+"""Time step [s]."""
 
 
 def mjcf_text(trajectory: Trajectory) -> str:
@@ -37,7 +53,7 @@ def _require_representable(trajectory: Trajectory) -> None:
     if problem.wheel_momentum.any():
         accepted = "for mjcf a spacecraft whose wheels store no momentum"
         raise InputError("format", "wheels store momentum", accepted)
-    refused = why_refused(problem.model)
+    refused = _why_refused(problem.model)
     if refused is not None:
         accepted = "for mjcf other names, and inertias that bodies of matter have"
         raise InputError("format", refused, accepted)
@@ -56,7 +72,149 @@ def _state(trajectory: Trajectory, k: int) -> dict[str, str]:
         position = [place[:2], headings[[k]], trajectory.joints[k]]
         rates = [velocity[:2], omega[2:], trajectory.joint_rates[k]]
     return {
-        "qpos": attribute(np.concatenate(position)),
-        "qvel": attribute(np.nan_to_num(np.concatenate(rates))),
-        "ctrl": attribute(np.nan_to_num(trajectory.joint_torques[k])),
+        "qpos": _attribute(np.concatenate(position)),
+        "qvel": _attribute(np.nan_to_num(np.concatenate(rates))),
+        "ctrl": _attribute(np.nan_to_num(trajectory.joint_torques[k])),
     }
+
+
+def robot_mjcf(model: FreeFloatingModel, *, shapes: bool = True) -> ET.Element:
+    """A model with a free or planar base and a motor for each joint, without contacts.
+
+    Args:
+        model: A robot that MuJoCo does not refuse.
+        shapes: Whether to draw the robot. All meshes are in the model; those that cannot be read
+            are left out.
+    """
+    root = ET.Element("mujoco", model=model.description.name or "robot")
+    _add(
+        root, "compiler", angle="radian", autolimits="true",
+        boundmass=_LIGHTEST, boundinertia=_LIGHTEST,
+    )  # fmt: skip
+    _add(
+        root, "option", gravity=f"0 0 {0.0 - model.gravity:.17g}", timestep=_STEP, integrator="RK4"
+    )
+    assets, world = _add(root, "asset"), _add(root, "worldbody")
+    elements: list[ET.Element] = []
+    motors = _add(root, "actuator")
+    for number, (name, body) in enumerate(zip(model.body_names, model.bodies, strict=True)):
+        parent = _body(elements[body.parent] if elements else world, name, body)
+        if not elements:
+            _add_base(parent, model)
+        elements.append(parent)
+        for link, (place_number, place) in model.link_places.items():
+            if shapes and place_number == number:
+                _add_shapes(model, link, place, parent, assets)
+        if number > 0:
+            _add(motors, "motor", name=body.joint, joint=body.joint)
+    names = ["end_effector", *(f"{arm}_end_effector" for arm in model.path_arms)]
+    for name, link in zip(names, model.end_effector_links, strict=True):
+        number, place = model.link_places[link]
+        _add(elements[number], "site", name=name, size="0.01", **_place(place))
+    return root
+
+
+def _why_refused(model: FreeFloatingModel) -> str | None:
+    """Why MuJoCo refuses a robot: a name of its own, or an inertia; None where it does not."""
+    own = {"world", model.bodies[0].joint}
+    for name in (*model.body_names, *model.joint_names):
+        if name in own:
+            return f"{name} is a name of the simulation itself"
+    for name, body in zip(model.body_names, model.bodies, strict=True):
+        moments = np.linalg.eigvalsh(body.inertia)
+        if moments[2] > (1.0 + _MOMENT_EXCESS) * (moments[0] + moments[1]):
+            return f"the inertia of {name} violates the triangle inequality"
+    return None
+
+
+def _add_base(element: ET.Element, model: FreeFloatingModel) -> None:
+    """Add the joints of the base: a free one; on a table two slides and a hinge."""
+    name = model.bodies[0].joint
+    if not model.on_table:
+        element.insert(0, ET.Element("freejoint", name=name))
+        return
+    joints = (("x", "slide", "1 0 0"), ("y", "slide", "0 1 0"), ("turn", "hinge", "0 0 1"))
+    for place, (part, kind, axis) in enumerate(joints):
+        joint = ET.Element("joint", name=f"{name}_{part}", type=kind, axis=axis)
+        element.insert(place, joint)
+
+
+def _body(parent: ET.Element, name: str, body: Body) -> ET.Element:
+    """A body with its joint, but that of the base, and its inertia."""
+    element = _add(parent, "body", name=name, **_place(body.placement))
+    if parent.tag == "body":
+        kind = "slide" if body.prismatic else "hinge"
+        finite = np.isfinite([body.lower, body.upper]).all() and body.lower < body.upper
+        more = {"range": _attribute([body.lower, body.upper])} if finite else {}
+        more |= {"armature": repr(body.armature)} if body.armature else {}
+        _add(  # a motion may leave ranges: the plan says whether they are limits
+            element, "joint", name=body.joint, type=kind, axis=_attribute(body.axis),
+            limited="false", **more,
+        )  # fmt: skip
+    moments, axes = np.linalg.eigh(body.inertia)
+    axes[:, 0] *= np.linalg.det(axes)
+    _add(
+        element, "inertial", mass=repr(body.mass), diaginertia=_attribute(np.maximum(moments, 0.0)),
+        **_place(Pose(body.centre, axes)),
+    )  # fmt: skip
+    return element
+
+
+def _add_shapes(
+    model: FreeFloatingModel, link: str, place: Pose, body: ET.Element, assets: ET.Element
+) -> None:
+    """Add the shapes of a link that are drawn; they collide with nothing."""
+    for shape in model.description.links_by_name[link].visuals:
+        colour = {} if shape.colour is None else {"rgba": _attribute(shape.colour)}
+        for geometry in _geometries(model, shape, assets):
+            _add(
+                body, "geom", contype="0", conaffinity="0", **geometry, **colour,
+                **_place(place @ shape.origin),
+            )  # fmt: skip
+
+
+def _geometries(
+    model: FreeFloatingModel, shape: LinkShape, assets: ET.Element
+) -> Iterator[dict[str, str]]:
+    """Attributes of the geometries of a shape."""
+    match shape.geometry:
+        case Box(size):
+            yield {"type": "box", "size": _attribute(size / 2.0)}
+        case Cylinder(radius, length):
+            yield {"type": "cylinder", "size": _attribute([radius, length / 2.0])}
+        case Capsule(radius, length):
+            yield {"type": "capsule", "size": _attribute([radius, length / 2.0])}
+        case Sphere(radius):
+            yield {"type": "sphere", "size": _attribute([radius])}
+        case MeshFile(filename, scale):
+            try:
+                from freefloat.robot.meshes import read_mesh  # Trimesh imports slowly
+
+                parts = read_mesh(find_mesh(filename, model.description.source), scale)
+            except MeshFileError:
+                return
+            for part in parts:
+                yield {"type": "mesh", "mesh": _add_mesh(assets, part.mesh)}
+
+
+def _add_mesh(assets: ET.Element, mesh: Mesh) -> str:
+    """Add a mesh to the assets; its name."""
+    name = f"mesh_{len(assets)}"
+    faces = " ".join(map(str, mesh.faces.ravel().tolist()))
+    vertices = _attribute(mesh.vertices.ravel())
+    _add(assets, "mesh", name=name, inertia="shell", vertex=vertices, face=faces)
+    return name
+
+
+def _add(parent: ET.Element, tag: str, **attributes: str) -> ET.Element:
+    return ET.SubElement(parent, tag, attributes)
+
+
+def _place(pose: Pose) -> dict[str, str]:
+    quaternion = np.roll(Rotation.from_matrix(pose.rotation).as_quat(), 1)  # w, x, y, z
+    return {"pos": _attribute(pose.position), "quat": _attribute(quaternion)}
+
+
+def _attribute(values: Iterable[float]) -> str:
+    """Numbers as the text of an attribute, with all digits."""
+    return " ".join(repr(float(value)) for value in values)
