@@ -134,6 +134,10 @@ class Plane:
         return np.asarray(level / np.linalg.norm(level, axis=1, keepdims=True))
 
 
+LEVEL = Plane.of_normal(np.eye(3)[2])
+"""The x-y plane."""
+
+
 def why_in_no_plane(model: FreeFloatingModel) -> str:
     """Why a robot stays in no plane, see :func:`plane_of`, as the end of a sentence."""
     arms = [VirtualManipulator.of(arm) for arm in model.single_arms]

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from freefloat.dynamics.momentum import conserved, conserved_inertias, momentum_map
-from freefloat.dynamics.plane import Plane
+from freefloat.dynamics.plane import LEVEL
 from freefloat.errors import InputError, finite_vector
 from freefloat.robot.joint_values import finite_after
 from freefloat.robot.model import FreeFloatingModel, require_model
@@ -78,7 +78,7 @@ class System:
     def attitude(self, values: npt.ArrayLike) -> Array:
         """The unit quaternion of an attitude; an InputError unless the robot can have it."""
         if self.model.on_table:
-            return Plane.of_normal(np.eye(3)[2]).checked("attitude", values)
+            return LEVEL.checked("attitude", values)
         return unit_quaternion("attitude", values)
 
     def body_momentum(self, attitude: npt.ArrayLike) -> Array:

@@ -8,13 +8,11 @@ from functools import lru_cache
 import numpy as np
 
 from freefloat.dynamics.arm_factor import ArmPlane
-from freefloat.dynamics.further_arms import spacecraft_moments
-from freefloat.dynamics.kernel_axes import KernelAxes
 from freefloat.dynamics.kernels.robot import REACH, FurtherArms, Robot
 from freefloat.dynamics.link_frames import LinkFrames, frames_at_zero, in_frame, link_frames
 from freefloat.dynamics.measures import KEYS, unit_of_length
 from freefloat.dynamics.redundancy import Metric, Toward, joint_weights, range_centres
-from freefloat.dynamics.robot_arrays import kernel_robot
+from freefloat.dynamics.robot_arrays import KernelAxes, kernel_robot, spacecraft_moments
 from freefloat.dynamics.tasks import Task
 from freefloat.ensemble.kernels.cones import AXIS, ORIGIN, TARGET
 from freefloat.ensemble.kernels.dormand_prince import TABLEAU
@@ -64,7 +62,7 @@ def kernel_arms(problem: Problem, frames: LinkFrames) -> FurtherArms:
         times = (np.arange(number)[:, None] + NODES) * (problem.path.duration / number)
         joints, rates = (problem.arms.at(times, order) for order in (0, 1))
         rows, momenta = spacecraft_moments(problem.model, joints, rates)
-        momenta = KernelAxes.of(problem.model, problem.task).seen(momenta)
+        momenta = KernelAxes.of(problem.model, problem.task).plane.seen(momenta)
         rows = in_frame(rows, axes, -axes @ origin)
         values = np.concatenate([rows[..., 1:4], momenta, rows[..., 4:]], axis=-1)
         cubics, error = cubics_through(values)

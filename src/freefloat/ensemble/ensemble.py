@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from freefloat.concurrency import Progress, available_cores, run_chunks
-from freefloat.dynamics.kernel_axes import KernelAxes
+from freefloat.dynamics.robot_arrays import KernelAxes
 from freefloat.ensemble.arrays import kernel_problem, spare_slacks
 from freefloat.ensemble.endings import COMPLETED, LIMITED
 from freefloat.ensemble.kernels.integration import integrate_many

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from freefloat.dynamics.kernel_axes import KernelAxes
+from freefloat.dynamics.robot_arrays import KernelAxes
 from freefloat.ensemble.arrays import kernel_problem
 from freefloat.ensemble.kernels.commands import Measured, command, weigh
 from freefloat.ensemble.kernels.records import make_workspace
