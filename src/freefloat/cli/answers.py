@@ -1,15 +1,23 @@
-"""Answers of planning from files, for commands that want motions."""
+"""Answers of planning: from files, for commands that want motions, and in cells of notebooks."""
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from rich.console import Console
+from rich.text import Text
+
 from freefloat.errors import InputError
+from freefloat.kinds import kind_of, named
 
 if TYPE_CHECKING:
     from freefloat.motion.motion import Motion
     from freefloat.planning.answer import Answer
+
+_WIDTH = 120
+_PAGE = '<pre style="line-height: 1.3; white-space: pre; overflow-x: auto">{code}</pre>'
 
 
 def load_answer(file: Path) -> Answer:
@@ -43,3 +51,11 @@ def load_motion(file: Path) -> tuple[Motion, str]:
         accepted = "files with one motion each, several together, or one of any kind"
         raise InputError("file", f"it is a {answer.kind} file", accepted, str(file))
     return motions[0], answer.violation
+
+
+def answer_html(answer: Answer) -> str:
+    """The short tables of an answer as HTML."""
+    console = Console(record=True, file=io.StringIO(), width=_WIDTH, highlight=False, markup=False)
+    for renderable in named(kind_of(answer).tables)(answer.kind, answer, False):
+        console.print(renderable, soft_wrap=isinstance(renderable, str | Text))
+    return console.export_html(inline_styles=True, code_format=_PAGE)

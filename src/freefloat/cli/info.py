@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.console import RenderableType
@@ -23,11 +23,11 @@ from freefloat.cli.robots import (
     load_robot,
     not_read_lines,
 )
-from freefloat.cli.setting import setting_document, setting_lines
 from freefloat.errors import one_line
 
 if TYPE_CHECKING:
     from freefloat.dynamics.summary import Configuration, RobotSummary
+    from freefloat.io.scenario.scenario import Scenario
     from freefloat.robot.rigid_bodies import Body
 
 _Joints = Annotated[
@@ -79,13 +79,12 @@ def info(
         attitude,
         why_unchecked(loaded.model),
     )
-    document = summary.to_dict()
-    document |= {} if scenario is None else setting_document(scenario)
-    console.json(document)
+    setting, limits = ({}, {}) if scenario is None else _setting(scenario)
+    console.json(summary.to_dict() | setting | limits)
     default_link = end_effector is None and scenario is None
     console.tables(_tables(summary, default_link))
     if scenario is not None:
-        console.tables(setting_lines(scenario))
+        console.tables(_setting_lines(scenario, setting | {"limits": limits}))
     console.tables(_remarks(summary))
 
 
@@ -176,3 +175,69 @@ def _range(body: Body) -> str:
     if body.prismatic:
         return f"{body.lower:g} to {body.upper:g} m"
     return f"{math.degrees(body.lower):.4g}° to {math.degrees(body.upper):.4g}°"
+
+
+def _setting(scenario: Scenario) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Goal, scene, wheels and drift of a scenario with its keys; and its limits."""
+    from freefloat.io.scenario.limits_section import limits_content
+    from freefloat.io.scenario.scene_section import scene_content
+
+    system, goal = scenario.system(), scenario.goal()
+    setting = {
+        "goal": goal and goal.to_dict(),
+        "scene": scene_content(scenario.scene()),
+        "wheel_momentum": system.wheels.tolist(),
+        "drift": system.drift.tolist(),
+    }
+    return setting, limits_content(scenario.limits(), system.model.joint_names)
+
+
+def _setting_lines(scenario: Scenario, setting: dict[str, Any]) -> Iterator[str]:
+    """Goal, scene, limits and system in lines, each with its key in the scenario."""
+    for section in ("goal", "scene", "limits"):
+        for key, value in (setting[section] or {}).items():
+            for entry in value if _are_records(value) else (value,):
+                if entry:
+                    yield f"{section}.{key}: {_text(entry)}"
+    system = scenario.system()
+    if system.momentum.any() or system.wheels.any():
+        yield f"momentum: {decimals(system.momentum)} N m s, inertial axes"
+        yield _rate_at_rest(scenario)
+    if system.wheels.any():
+        yield f"momentum in wheels: {decimals(system.wheels)} N m s, spacecraft axes"
+    if system.drift.any():
+        yield f"drift of the centre of mass: {decimals(system.drift)} m/s"
+
+
+def _are_records(value: Any) -> bool:
+    return isinstance(value, list) and all(isinstance(entry, dict) for entry in value)
+
+
+def _text(value: Any) -> str:
+    """A value as a scenario has it, in one line."""
+    match value:
+        case dict():
+            return f"{{{', '.join(f'{key}: {_text(part)}' for key, part in value.items())}}}"
+        case list():
+            return f"[{', '.join(map(_text, value))}]"
+        case float():
+            return f"{value:.5g}"
+        case _:
+            return f"{value}"
+
+
+def _rate_at_rest(scenario: Scenario) -> str:
+    """How fast the spacecraft turns while the joints rest, in the present state or the zero one."""
+    import numpy as np
+
+    system, search = scenario.system(), scenario.search()
+    if search.from_attitude is None or search.joints is None:
+        where = "at the identity, joints at zero"
+        attitude, joints = np.array([0.0, 0.0, 0.0, 1.0]), np.zeros(system.model.dof)
+    else:
+        where = "in the present state"
+        with scenario.error_context():
+            attitude, joints = search.present_state(system.model)
+    turn = system.base_rate(attitude, joints, 0.0 * joints)
+    rate = math.degrees(float(turn[2]) if system.model.on_table else math.hypot(*turn))
+    return f"  {where} the spacecraft turns at {rate:.4g} deg/s while the joints rest"

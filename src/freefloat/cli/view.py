@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -27,7 +26,6 @@ from freefloat.io.files import make_folder
 if TYPE_CHECKING:
     from freefloat.concurrency import Progress
     from freefloat.motion.motion import Motion
-    from freefloat.visualization.page.pictures import FrameTimes
     from freefloat.visualization.page.playback import Playback
 
 _Files = Annotated[
@@ -86,45 +84,6 @@ _Scene = Annotated[
         'name of a file, the arm branch of a map or a simulation, or "side by side".',
     ),
 ]
-
-
-@dataclass(frozen=True, eq=False)
-class _Shown:
-    """A playback, and the address and the files where it is."""
-
-    playback: Playback
-    address: str | None = None
-    html: Path | None = None
-    pictures: tuple[Path, ...] = ()
-    figures: tuple[str, ...] = ()
-    video: tuple[Path, FrameTimes] | None = None
-
-    def print(self, console: Console) -> None:
-        """Print the JSON document or lines."""
-        video = self.video and {"file": str(self.video[0]), **self.video[1].to_dict()}
-        console.json({
-            "address": self.address, "html": self.html and str(self.html),
-            "snapshots": [str(file) for file in self.pictures], "video": video,
-            "figures": list(self.figures), "scenes": list(self.playback.titles),
-            "remarks": list(self.playback.remarks),
-        })  # fmt: skip
-        console.tables(self._lines())
-
-    def _lines(self) -> Iterator[str]:
-        """Addresses and files of the page, the pictures and the video."""
-        yield from (f"remark: {remark}" for remark in self.playback.remarks)
-        if self.address is not None:
-            yield f"{self.address}  (for this machine alone; Ctrl-C ends)"
-        if self.html is not None:
-            yield f"page: {self.html}"
-        if self.pictures:
-            first, last = self.pictures[0], self.pictures[-1]
-            yield f"pictures: {first}" + (f" to {last}" if last != first else "")
-        yield from (f"figure: {name}" for name in self.figures if name.endswith(".png"))
-        if self.video is not None:
-            file, frames = self.video
-            speed = "" if frames.speed == 1.0 else f", {frames.speed:g} times the motion's speed"
-            yield f"video: {file}, {frames.duration:.1f} s{speed}"
 
 
 def view(
@@ -186,44 +145,67 @@ def view(
         playback = _playback(files)
     scene = playback.scene_title(scene)
     options: dict[str, Any] = {"size": pixels, "scene": scene}
+    shown: dict[str, Any] = {"address": None, "html": None, "snapshots": [], "video": None}
+    shown |= {"figures": [], "scenes": [*playback.titles], "remarks": [*playback.remarks]}
     if (html, snapshots, video, picture, plots) == (None, None, None, None, None):
-        _serve(console, playback, port, open_page=not (no_open or as_json))
+        _serve(console, playback, shown, port, opens=not (no_open or as_json))
         return
     begin, end = playback.scene_times(scene)
     if begin == end and (video or (snapshots or 1) > 1):
         key = "snapshots" if video is None else "video"
         raise InputError(key, "the scene has no motion", "--snapshots 1 or --html")
-    shown = _Shown(playback)
     if snapshots is not None:
         name = scene if scene and len(files) > 1 else files[0].stem
         folder = output or Path(re.sub(r"[^\w.+-]+", "_", name) + "_snapshots")
         make_folder("output", folder)
         with console.progress(f"taking {snapshots} pictures") as update:
             pictures = save_snapshots(playback, snapshots, folder, name, **options, progress=update)
-        shown = replace(shown, pictures=tuple(pictures))
+        shown["snapshots"] = list(map(str, pictures))
     if picture is not None:
         save_picture(playback, picture, **options)
-        shown = replace(shown, pictures=(picture,))
+        shown["snapshots"] = [str(picture)]
     if video is not None:
         with console.progress("taking the pictures of the video") as update:
             frames = save_video(playback, video, rate=fps, speed=speed, **options, progress=update)
-        shown = replace(shown, video=(video, frames))
+        shown["video"] = {"file": str(video), **frames.to_dict()}
     if html is not None:
-        shown = replace(shown, html=playback.save(html, scene))
+        shown["html"] = str(playback.save(html, scene))
     if plots is not None:
         with console.progress("drawing") as update:
-            names = _save_figures(files, plots, threads, update)
-        shown = replace(shown, figures=tuple(names))
-    shown.print(console)
+            shown["figures"] = _save_figures(files, plots, threads, update)
+    _print(console, shown)
 
 
-def _serve(console: Console, playback: Playback, port: int, open_page: bool) -> None:
+def _print(console: Console, shown: dict[str, Any]) -> None:
+    """Print the address and the files where a playback is, as a JSON document or as lines."""
+    console.json(shown)
+    console.tables(_lines(shown))
+
+
+def _lines(shown: dict[str, Any]) -> Iterator[str]:
+    """Addresses and files of the page, the pictures and the video."""
+    yield from (f"remark: {remark}" for remark in shown["remarks"])
+    if shown["address"] is not None:
+        yield f"{shown['address']}  (for this machine alone; Ctrl-C ends)"
+    if shown["html"] is not None:
+        yield f"page: {shown['html']}"
+    if pictures := shown["snapshots"]:
+        yield f"pictures: {' to '.join(dict.fromkeys([pictures[0], pictures[-1]]))}"
+    yield from (f"figure: {name}" for name in shown["figures"] if name.endswith(".png"))
+    if (video := shown["video"]) is not None:
+        times = "" if video["speed"] == 1.0 else f", {video['speed']:g} times the motion's speed"
+        yield f"video: {video['file']}, {video['duration']:.1f} s{times}"
+
+
+def _serve(
+    console: Console, playback: Playback, shown: dict[str, Any], port: int, opens: bool
+) -> None:
     """Serve the page until Ctrl-C; print its address and open it in a browser."""
     from freefloat.visualization.page.server import open_browser, serve
 
     def ready(address: str) -> None:
-        _Shown(playback, address).print(console)
-        if open_page:
+        _print(console, shown | {"address": address})
+        if opens:
             open_browser(address)
 
     serve(playback.html(), port, ready)

@@ -124,18 +124,7 @@ class ResolvedRateSolver:
         if joints.ndim == 2:
             return self._many_rates(attitude, joints, twist, speed, arm_rates)
         M, b = self._M, self._b
-        axes = self._fill(M, attitude, joints)
-        for arm, (_, rows) in enumerate(self._parts):
-            own = twist[6 * arm : 6 * arm + 6]
-            if self._own_axes:
-                own = (own.reshape(2, 3) @ axes[arm]).ravel()
-            b[rows] = self._prescribed(own)
-        if self._further:
-            if arm_rates is None:
-                self._model.require_one_arm("these joint rates")
-            b[self._task.stop :] = arm_rates
-        if self._wheels:
-            b[self._conserved] = self._system.body_momentum(attitude)[self._axes]
+        self._demand(b, attitude, twist, arm_rates, self._fill(M, attitude, joints))
         if M.shape[0] == M.shape[1]:
             _, _, v, singular = dgesv(M, b)
             return (v[3:6], v[6:]) if not singular else self._infinite()
@@ -152,8 +141,11 @@ class ResolvedRateSolver:
         square, K = self._M.shape[0] == self._M.shape[1], len(joints)
         if K and (square or self._redundancy.minimum_norm):
             try:
-                equations = self._equations(attitudes, joints, twists, arm_rates)
-                return _solutions(*equations) if square else _shortest_solutions(*equations)
+                M, b = np.tile(self._M, (K, 1, 1)), np.tile(self._b, (K, 1))
+                axes = [self._fill(*state) for state in zip(M, attitudes, joints, strict=True)]
+                by_arm = [np.array(arm) for arm in zip(*axes, strict=True)]
+                self._demand(b, attitudes, twists, arm_rates, by_arm)
+                return _solutions(M, b) if square else _shortest_solutions(M, b)
             except np.linalg.LinAlgError:  # singular somewhere
                 pass
         speeds = np.broadcast_to(speeds, K)
@@ -163,23 +155,21 @@ class ResolvedRateSolver:
         rates = np.array(solved).reshape(K, 3 + joints.shape[1])
         return rates[:, :3], rates[:, 3:]
 
-    def _equations(
-        self, attitudes: Array, joints: Array, twists: Array, arm_rates: Array | None
-    ) -> tuple[Array, Array]:
-        """M and b of (4) at K configurations, shapes (K, r, 6 + n) and (K, r)."""
-        K = len(joints)
-        M, b = np.tile(self._M, (K, 1, 1)), np.tile(self._b, (K, 1))
-        axes = [self._fill(*state) for state in zip(M, attitudes, joints, strict=True)]
+    def _demand(
+        self, b: Array, attitude: Array, twist: Array, arm_rates: Array | None, axes: list[Array]
+    ) -> None:
+        """Write the right-hand side of (4), or K of them; axes are those of each end-effector."""
         for arm, (_, rows) in enumerate(self._parts):
-            own = twists[:, 6 * arm : 6 * arm + 6]
+            own = twist[..., 6 * arm : 6 * arm + 6]
             if self._own_axes:
-                own = (own.reshape(K, 2, 3) @ [of_arm[arm] for of_arm in axes]).reshape(K, 6)
-            b[:, rows] = self._prescribed(own.T).T
+                own = (own.reshape(*own.shape[:-1], 2, 3) @ axes[arm]).reshape(own.shape)
+            b[..., rows] = self._prescribed(own.T).T
         if self._further:
-            b[:, self._task.stop :] = arm_rates
+            if arm_rates is None:
+                self._model.require_one_arm("these joint rates")
+            b[..., self._task.stop :] = arm_rates
         if self._wheels:
-            b[:, self._conserved] = self._system.body_momentum(attitudes)[:, self._axes]
-        return M, b
+            b[..., self._conserved] = self._system.body_momentum(attitude)[..., self._axes]
 
     def _fill(self, M: Array, attitude: Array, joints: Array) -> list[Array]:
         """Write the matrix of (4) at a configuration; axes of end-effectors in which rows are."""

@@ -40,18 +40,16 @@ def with_free_base(robot: RobotDescription, element: Element) -> RobotDescriptio
     three prismatic and three revolute joints in a row that let it move in all directions. A planar
     joint about z, or two prismatic and one revolute joint in the x-y plane, are a planar base.
     """
-    joint, base = _base_joint(robot), robot.base
+    joint = _base_joint(robot)
     if joint is not None:
         kept = _below(robot, joint.child)
         virtual: tuple[Joint, ...] = ()
-        base = Base.PLANAR if joint.type == "planar" else base
+        base = Base.PLANAR if joint.type == "planar" else Base.FREE
     else:
         virtual = virtual_joints(robot)
-        on_table = _is_on_table(robot, virtual)
-        if not (on_table or _is_free(robot, virtual)):
+        if (moved := _virtual_base(robot, virtual)) is None:
             return robot
-        kept = _below(robot, virtual[-1].child)
-        base = Base.PLANAR if on_table else base
+        kept, base = _below(robot, virtual[-1].child), moved
     links = {link.name for link in robot.links} - kept
     joints = {joint.name for joint in robot.joints if joint.parent not in kept}
     if any(joint.mimic and joint.mimic.joint in joints for joint in robot.joints):
@@ -168,47 +166,33 @@ def _is_vertical(axis: Array) -> bool:
     return size > 0.0 and float(np.abs(axis[:2]).max()) <= _ROUNDED * size
 
 
-def _is_on_table(robot: RobotDescription, joints: Sequence[Joint]) -> bool:
-    """Whether two sliding and one turning virtual joint move their base along x and y and about z.
+def _virtual_base(robot: RobotDescription, joints: Sequence[Joint]) -> Base | None:
+    """How virtual joints move what they carry: freely, along x and y and about z, or neither.
 
-    Axes are seen from the base, at joint values zero.
+    That is seen where the joints are anywhere, in the frame of what they carry.
     """
-    kinds = [joint.type == "prismatic" for joint in joints]
-    if (len(kinds), sum(kinds)) != (PLANAR, PLANAR - 1) or held_joint(joints) is not None:
-        return False
-    if solid_link(robot, joints) is not None:
-        return False
-    rotation, axes = np.eye(3), []
-    for joint in joints:
-        rotation = rotation @ _placed(robot, joint).rotation
-        axes.append(rotation @ joint.axis / np.linalg.norm(joint.axis))
-    seen = np.array(axes) @ rotation
-    slides = seen[np.array(kinds)]
-    level = bool(np.abs(slides[:, 2]).max() < _ROUNDED and _is_vertical(seen[~np.array(kinds)][0]))
-    return level and bool(abs(np.linalg.det(slides[:, :2])) > _INDEPENDENT)
-
-
-def _is_free(robot: RobotDescription, joints: Sequence[Joint]) -> bool:
-    """Whether six virtual joints without mass and shapes move their base freely."""
-    kinds = [joint.type == "prismatic" for joint in joints]
-    if (len(kinds), sum(kinds)) != (FREE, FREE // 2) or held_joint(joints) is not None:
-        return False
-    if solid_link(robot, joints) is not None:
-        return False
-    pose, columns = IDENTITY, []
-    for joint in joints:
+    sliding = np.array([joint.type == "prismatic" for joint in joints], dtype=bool)
+    bases = {(FREE, FREE // 2): Base.FREE, (PLANAR, PLANAR - 1): Base.PLANAR}
+    base = bases.get((len(joints), int(sliding.sum())))
+    if base is None or held_joint(joints) is not None or solid_link(robot, joints) is not None:
+        return None
+    pose, points, axes = IDENTITY, [], []
+    for joint, slides in zip(joints, sliding, strict=True):
         pose = pose @ _placed(robot, joint)
-        axis = pose.rotation @ joint.axis
-        if joint.type == "prismatic":
-            columns.append(np.concatenate([axis, np.zeros(3)]))
-            pose = pose @ Pose(_ANYWHERE * joint.axis, np.eye(3))
-        else:
-            columns.append(np.concatenate([np.cross(pose.position, axis), axis]))
-            turn = Rotation.from_rotvec(_ANYWHERE * joint.axis).as_matrix()
-            pose = pose @ Pose(np.zeros(3), turn)
-    if not np.isfinite(columns).all():
-        return False
-    return bool(np.linalg.svd(columns, compute_uv=False).min() > _INDEPENDENT)
+        axis = joint.axis / (np.linalg.norm(joint.axis) or 1.0)
+        points.append(pose.position)
+        axes.append(pose.rotation @ axis)
+        turn = Rotation.from_rotvec(_ANYWHERE * ~slides * axis).as_matrix()
+        pose = pose @ Pose(_ANYWHERE * slides * axis, turn)
+    linear = np.where(sliding[:, None], axes, np.cross(points - pose.position, axes))
+    angular = np.where(sliding[:, None], 0.0, axes)
+    twists = np.hstack([linear @ pose.rotation, angular @ pose.rotation])
+    if base is Base.PLANAR:
+        if not np.abs(twists[:, [2, 3, 4]]).max() < _ROUNDED:
+            return None
+        twists = twists[:, [0, 1, 5]]
+    independent = np.isfinite(twists).all() and np.linalg.svd(twists)[1].min() > _INDEPENDENT
+    return base if independent else None
 
 
 def _placed(robot: RobotDescription, joint: Joint) -> Pose:
