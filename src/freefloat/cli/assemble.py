@@ -11,7 +11,7 @@ import typer
 from rich.console import RenderableType
 
 from freefloat.cli.console import Console, table
-from freefloat.cli.options import Json, Quiet, numbers, prepare_outputs, robot_names
+from freefloat.cli.options import Json, Quiet, numbers, option, prepare_outputs, robot_names
 from freefloat.cli.robots import FileOptions, Packages, Root, Xacro, robot_source
 from freefloat.errors import InputError
 
@@ -30,34 +30,24 @@ _Robot = Annotated[
         autocompletion=robot_names,
     ),
 ]
-_Output = Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="The URDF to write.")]
+_Output = Annotated[Path, option("FILE", "The URDF to write.", "--output", "-o")]
 _EndEffector = Annotated[
-    str | None,
-    typer.Option(
-        metavar="LINK", help="The end-effector, a link or site; default the only last link."
-    ),
+    str | None, option("LINK", "The end-effector, a link or site; default the only last link.")
 ]
-_Mass = Annotated[float | None, typer.Option(metavar="KG", help="Mass of the spacecraft.")]
+_Mass = Annotated[float | None, option("KG", "Mass of the spacecraft.")]
 _Inertia = Annotated[
     Numbers | None,
-    typer.Option(
-        metavar="X Y Z ...",
-        help="Its inertia about its centre of mass, kg m²: three principal moments, "
+    option(
+        "X Y Z ...",
+        "Its inertia about its centre of mass, kg m²: three principal moments, "
         "ixx ixy ixz iyy iyz izz, or nine numbers.",
         parser=numbers,
     ),
 ]
-_Size = Annotated[
-    Numbers | None,
-    typer.Option(metavar="X Y Z", help="Edges of its box [m].", parser=numbers),
-]
+_Size = Annotated[Numbers | None, option("X Y Z", "Edges of its box [m].", parser=numbers)]
 _Mount = Annotated[
     Numbers | None,
-    typer.Option(
-        metavar="X Y Z R P Y",
-        help="Pose of the arm's root link in its frame, m, rad.",
-        parser=numbers,
-    ),
+    option("X Y Z R P Y", "Pose of the arm's root link in its frame, m, rad.", parser=numbers),
 ]
 _CopyMeshes = Annotated[
     bool,

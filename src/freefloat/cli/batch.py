@@ -12,7 +12,7 @@ from rich.console import RenderableType
 from rich.text import Text
 
 from freefloat.cli.console import DONE, NEGATIVE, Console, say, table, time_text
-from freefloat.cli.options import Json, Quiet, study_names
+from freefloat.cli.options import Json, Quiet, option, study_names
 from freefloat.errors import InputError, MissingExtraError
 from freefloat.io.files import make_folder, require_writable, written_beside
 
@@ -31,27 +31,23 @@ _Study = Annotated[
 ]  # fmt: skip
 _Folder = Annotated[
     Path | None,
-    typer.Option("--output", "-o", metavar="DIR",
-                 help="Folder of the results; a folder of the same study is continued."),
-]  # fmt: skip
-_Workers = Annotated[
-    int | None, typer.Option(min=1, metavar="N", help="Number of processes; default one per core.")
+    option(
+        "DIR", "Folder of the results; a folder of the same study is continued.", "--output", "-o"
+    ),
 ]
+_Workers = Annotated[int | None, option("N", "Number of processes; default one per core.", min=1)]
 _Scheduler = Annotated[
-    str | None,
-    typer.Option(metavar="ADDRESS", help="Use the workers of a Dask scheduler: tls://host:8786"),
+    str | None, option("ADDRESS", "Use the workers of a Dask scheduler: tls://host:8786")
 ]
 _DryRun = Annotated[
     bool, typer.Option("--dry-run", help="List the runs and estimate the time; time some.")
 ]
 _Until = Annotated[
     str | None,
-    typer.Option(metavar="PERCENT",
-                 help="Stop when the 95 % interval of the feasible fraction is that narrow: 0.5%"),
-]  # fmt: skip
+    option("PERCENT", "Stop when the 95 % interval of the feasible fraction is that narrow: 0.5%"),
+]
 _Run = Annotated[
-    int | None,
-    typer.Option(min=0, metavar="N", help="Write the result file of this run alone to -o FILE."),
+    int | None, option("N", "Write the result file of this run alone to -o FILE.", min=0)
 ]
 _Report = Annotated[
     bool, typer.Option("--report", help="Draw a figure, and write report.html, a page with runs.")

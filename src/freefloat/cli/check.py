@@ -13,7 +13,7 @@ from rich.console import RenderableType
 from rich.text import Text
 
 from freefloat.cli.console import DONE, NEGATIVE, Console, table
-from freefloat.cli.options import Json, MotionFile, Quiet
+from freefloat.cli.options import Json, MotionFile, Quiet, option
 
 if TYPE_CHECKING:
     from freefloat.verification.check import CheckReport
@@ -21,10 +21,7 @@ if TYPE_CHECKING:
 
 _Engine = Annotated[
     str | None,
-    typer.Option(
-        metavar="mujoco",
-        help="Repeat the motion with MuJoCo, too; pip install 'freefloat[mujoco]'.",
-    ),
+    option("mujoco", "Repeat the motion with MuJoCo, too; pip install 'freefloat[mujoco]'."),
 ]
 
 

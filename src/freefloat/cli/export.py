@@ -11,7 +11,7 @@ import typer
 
 from freefloat.cli.answers import load_answer
 from freefloat.cli.console import Console
-from freefloat.cli.options import Json, MotionFile, Quiet, prepare_outputs
+from freefloat.cli.options import Json, MotionFile, Quiet, option, prepare_outputs
 from freefloat.errors import InputError
 
 if TYPE_CHECKING:
@@ -22,39 +22,39 @@ _STDOUT = "-"
 
 _Format = Annotated[
     str | None,
-    typer.Option("--format", metavar="csv|mat|json|ros2|ros2-goal|mcap|aem|mjcf",
-                 help="Default: by the name of -o; without -o csv."),
-]  # fmt: skip
+    option(
+        "csv|mat|json|ros2|ros2-goal|mcap|aem|mjcf",
+        "Default: by the name of -o; without -o csv.",
+        "--format",
+    ),
+]
 _Output = Annotated[
     str | None,
-    typer.Option(
-        *("--output", "-o"), metavar="OUT",
-        help="Output file, - for stdout. Default: NAME_trajectory.csv (.mat, .json, .yaml, ...), "
+    option(
+        "OUT",
+        "Output file, - for stdout. Default: NAME_trajectory.csv (.mat, .json, .yaml, ...), "
         "for ros2-goal NAME_goal.yaml.",
+        "--output",
+        "-o",
     ),
-]  # fmt: skip
-_Rate = Annotated[float | None, typer.Option(metavar="HZ", help="Samples per second.")]
-_Times = Annotated[
-    int | None, typer.Option(metavar="N", help="Number of samples, evenly spaced; 501.")
 ]
+_Rate = Annotated[float | None, option("HZ", "Samples per second.")]
+_Times = Annotated[int | None, option("N", "Number of samples, evenly spaced; 501.")]
 _Epoch = Annotated[
     str | None,
-    typer.Option(metavar="DATE",
-                 help="Date of t = 0 in aem and mcap, UTC, as 2026-05-01T12:00:00.25; by default "
-                      "2000-01-01T12:00:00."),
-]  # fmt: skip
-_Frame = Annotated[
-    str | None,
-    typer.Option(metavar="NAME", help="Name of the inertial axes in aem; default EME2000."),
+    option(
+        "DATE",
+        "Date of t = 0 in aem and mcap, UTC, as 2026-05-01T12:00:00.25; by default "
+        "2000-01-01T12:00:00.",
+    ),
 ]
+_Frame = Annotated[str | None, option("NAME", "Name of the inertial axes in aem; default EME2000.")]
 _Object = Annotated[
     str | None,
-    typer.Option("--object", metavar="NAME",
-                 help="Name of the spacecraft in aem; default that of the robot."),
-]  # fmt: skip
+    option("NAME", "Name of the spacecraft in aem; default that of the robot.", "--object"),
+]
 _ObjectId = Annotated[
-    str | None,
-    typer.Option(metavar="ID", help="Its identifier in aem: 2026-001A; default its name."),
+    str | None, option("ID", "Its identifier in aem: 2026-001A; default its name.")
 ]
 
 

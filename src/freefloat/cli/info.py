@@ -6,12 +6,11 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
 from rich.console import RenderableType
 from rich.text import Text
 
 from freefloat.cli.console import Console, decimals, extent, table
-from freefloat.cli.options import Attitude, Json, Quiet, numbers
+from freefloat.cli.options import Attitude, Json, Quiet, numbers, option
 from freefloat.cli.robots import (
     EndEffector,
     FileOptions,
@@ -32,11 +31,8 @@ if TYPE_CHECKING:
 
 _Joints = Annotated[
     Sequence[float] | None,
-    typer.Option(
-        metavar="Q1 Q2 ...", help="Show the end-effector pose at these joints, rad or m.",
-        parser=numbers,
-    ),
-]  # fmt: skip
+    option("Q1 Q2 ...", "Show the end-effector pose at these joints, rad or m.", parser=numbers),
+]
 
 
 def info(

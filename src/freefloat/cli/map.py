@@ -22,7 +22,16 @@ from freefloat.cli.console import (
     table,
 )
 from freefloat.cli.delivery import Delivery
-from freefloat.cli.options import Json, Plots, Quiet, ResultFile, ScenarioName, Threads, numbers
+from freefloat.cli.options import (
+    Json,
+    Plots,
+    Quiet,
+    ResultFile,
+    ScenarioName,
+    Threads,
+    numbers,
+    option,
+)
 from freefloat.errors import InputError
 from freefloat.ik.labels import short_label
 
@@ -36,37 +45,32 @@ _MAX_REGIONS = 12
 
 _Samples = Annotated[
     int | None,
-    typer.Option(
-        metavar="N",
-        help="Number of attitudes; default search.samples of the scenario, else 36,864 "
+    option(
+        "N",
+        "Number of attitudes; default search.samples of the scenario, else 36,864 "
         "(planar tasks and tables: 360 headings).",
     ),
 ]
 _Seed = Annotated[
-    int | None,
-    typer.Option(min=0, metavar="S", help="Rotates the grid of attitudes; default search.seed."),
+    int | None, option("S", "Rotates the grid of attitudes; default search.seed.", min=0)
 ]
 _Nearest = Annotated[
     Sequence[float] | None,
-    typer.Option(
-        metavar="X Y Z W", help="Find the feasible attitude nearest to this one.", parser=numbers
-    ),
+    option("X Y Z W", "Find the feasible attitude nearest to this one.", parser=numbers),
 ]
 _Boundary = Annotated[
     int | None,
-    typer.Option(
-        min=1, metavar="N",
-        help="Find N attitudes of each arm branch on the boundary of the feasible set.",
-    ),
-]  # fmt: skip
+    option("N", "Find N attitudes of each arm branch on the boundary of the feasible set.", min=1),
+]
 _Touch = Annotated[
     int | None,
-    typer.Option(
-        min=1, metavar="N",
-        help="For arms with an elbow and a spherical wrist: compute N attitudes of the "
+    option(
+        "N",
+        "For arms with an elbow and a spherical wrist: compute N attitudes of the "
         "boundary from touch points (Section VI) and compare.",
+        min=1,
     ),
-]  # fmt: skip
+]
 
 
 def map_(

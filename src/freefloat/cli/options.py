@@ -41,6 +41,11 @@ def _completion(*kinds: str, suffixes: tuple[str, ...] = ()) -> Callable[[str], 
     return complete
 
 
+def option(metavar: str, help: str, *names: str, **settings: Any) -> Any:
+    """An option with a value; its name is the parameter's unless others are given."""
+    return typer.Option(*names, metavar=metavar, help=help, **settings)
+
+
 scenario_names = _completion("scenarios", suffixes=_YAML)
 study_names = _completion("studies", suffixes=_YAML)
 robot_names = _completion("robots", "scenarios", suffixes=_ROBOT + _YAML)
@@ -57,22 +62,15 @@ NoOpen = Annotated[
     bool,
     typer.Option("--no-open", "--no-browser", help="Open no browser; implied by --json."),
 ]
-ResultFile = Annotated[
-    Path | None, typer.Option("--output", "-o", metavar="FILE", help="Write an HDF5 file.")
-]
+ResultFile = Annotated[Path | None, option("FILE", "Write an HDF5 file.", "--output", "-o")]
 Page = Annotated[
-    Path | None,
-    typer.Option("--html", metavar="FILE", help="Write a page that plays the motion offline."),
+    Path | None, option("FILE", "Write a page that plays the motion offline.", "--html")
 ]
 MotionFile = Annotated[
     Path, typer.Argument(metavar="FILE", help="A plan or motion file, see -o of plan.")
 ]
-Plots = Annotated[
-    Path | None, typer.Option(metavar="DIR", help="Write figures to this folder, as PDF and PNG.")
-]
-Threads = Annotated[
-    int | None, typer.Option(min=1, metavar="T", help="Number of cores; default all.")
-]
+Plots = Annotated[Path | None, option("DIR", "Write figures to this folder, as PDF and PNG.")]
+Threads = Annotated[int | None, option("T", "Number of cores; default all.", min=1)]
 
 
 def numbers(text: str) -> list[float]:
@@ -84,8 +82,7 @@ def numbers(text: str) -> list[float]:
 
 
 Attitude = Annotated[
-    Sequence[float] | None,
-    typer.Option(metavar="X Y Z W", help="Spacecraft attitude, a quaternion.", parser=numbers),
+    Sequence[float] | None, option("X Y Z W", "Spacecraft attitude, a quaternion.", parser=numbers)
 ]
 _LIST = re.compile(r"(?=.*\d)[-+.,\de]+|[-+]?(nan|inf)", re.IGNORECASE)
 _MISSPELT = re.compile(r"[-+−.,]*\d")

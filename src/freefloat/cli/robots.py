@@ -14,7 +14,7 @@ from rich.console import RenderableType
 from rich.text import Text
 
 from freefloat.cli.console import BAD_INPUT, Console, error_document, say
-from freefloat.cli.options import robot_names
+from freefloat.cli.options import option, robot_names
 from freefloat.errors import InputError
 
 if TYPE_CHECKING:
@@ -39,22 +39,16 @@ RobotName = Annotated[
     ),
 ]
 EndEffector = Annotated[
-    str | None,
-    typer.Option(
-        metavar="LINK", help="For several last links: which one; or a site of a MuJoCo model."
-    ),
+    str | None, option("LINK", "For several last links: which one; or a site of a MuJoCo model.")
 ]
 Root = Annotated[
-    str | None,
-    typer.Option(metavar="BODY", help="The spacecraft, in a MuJoCo scene with several bodies."),
+    str | None, option("BODY", "The spacecraft, in a MuJoCo scene with several bodies.")
 ]
 Packages = Annotated[
-    list[str] | None,
-    typer.Option(metavar="NAME=FOLDER", help="Folder of a package of ROS; may be repeated."),
+    list[str] | None, option("NAME=FOLDER", "Folder of a package of ROS; may be repeated.")
 ]
 Xacro = Annotated[
-    list[str] | None,
-    typer.Option(metavar="NAME=VALUE", help="An argument of a xacro file; may be repeated."),
+    list[str] | None, option("NAME=VALUE", "An argument of a xacro file; may be repeated.")
 ]
 
 

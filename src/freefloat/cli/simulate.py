@@ -31,6 +31,7 @@ from freefloat.cli.options import (
     ResultFile,
     ScenarioName,
     numbers,
+    option,
 )
 from freefloat.errors import InputError
 from freefloat.ik.labels import short_label
@@ -41,21 +42,15 @@ if TYPE_CHECKING:
 
 _Heading = Annotated[
     float | None,
-    typer.Option(
-        metavar="DEG",
-        help="The same for planar tasks and on a table: degrees about z, or the plane's normal.",
+    option(
+        "DEG", "The same for planar tasks and on a table: degrees about z, or the plane's normal."
     ),
 ]
 _Joints = Annotated[
     Sequence[float] | None,
-    typer.Option(
-        metavar="Q1 Q2 ...", help="Choose the arm branch near these joints, rad or m.",
-        parser=numbers,
-    ),
-]  # fmt: skip
-_Branch = Annotated[
-    int | None, typer.Option(metavar="K", help="Choose the arm branch with this number.")
+    option("Q1 Q2 ...", "Choose the arm branch near these joints, rad or m.", parser=numbers),
 ]
+_Branch = Annotated[int | None, option("K", "Choose the arm branch with this number.")]
 _StopAtMargin = Annotated[
     bool, typer.Option("--stop-at-margin", help="End motions where they reach the margin.")
 ]

@@ -18,6 +18,7 @@ from freefloat.cli.options import (
     Quiet,
     Threads,
     distinct_stems,
+    option,
     prepare_outputs,
 )
 from freefloat.errors import InputError, require_extra
@@ -35,52 +36,45 @@ _Files = Annotated[
     ),
 ]
 _Port = Annotated[
-    int,
-    typer.Option(min=0, max=65535, metavar="P",
-                 help="Port of the page; if it is in use, the next free one."),
-]  # fmt: skip
+    int, option("P", "Port of the page; if it is in use, the next free one.", min=0, max=65535)
+]
 _Snapshots = Annotated[
-    int | None,
-    typer.Option(min=1, max=1000, metavar="N", help="Take N pictures from start to end."),
+    int | None, option("N", "Take N pictures from start to end.", min=1, max=1000)
 ]
 _Output = Annotated[
     Path | None,
-    typer.Option(
-        *("--output", "-o"), metavar="FILE",
-        help="Write a page, a video or the first picture: .html, .gif, .mp4 or .png. With "
+    option(
+        "FILE",
+        "Write a page, a video or the first picture: .html, .gif, .mp4 or .png. With "
         "--snapshots the folder of the pictures; default NAME_snapshots.",
+        "--output",
+        "-o",
     ),
-]  # fmt: skip
+]
 _Plots = Annotated[
     Path | None,
-    typer.Option(
-        metavar="DIR",
-        help="Draw all figures into this folder, as PDF and PNG. Of several files each has a "
+    option(
+        "DIR",
+        "Draw all figures into this folder, as PDF and PNG. Of several files each has a "
         "folder of its own, and a figure compares up to four motions.",
     ),
 ]
-_Video = Annotated[
-    Path | None, typer.Option(metavar="FILE", help="Write a .gif, or a .mp4 (needs ffmpeg).")
-]
-_Fps = Annotated[
-    float | None, typer.Option(metavar="F", help="Frames per second of the video; default 20.")
-]
+_Video = Annotated[Path | None, option("FILE", "Write a .gif, or a .mp4 (needs ffmpeg).")]
+_Fps = Annotated[float | None, option("F", "Frames per second of the video; default 20.")]
 _Speed = Annotated[
     float | None,
-    typer.Option(
-        metavar="X",
-        help="Speed of the video; default 1. Longer motions are sped up; the factor is printed.",
+    option(
+        "X", "Speed of the video; default 1. Longer motions are sped up; the factor is printed."
     ),
 ]
 _Size = Annotated[
-    str | None,
-    typer.Option(metavar="WxH", help="Size of pictures and video; default 1280x720, GIF 800x450."),
+    str | None, option("WxH", "Size of pictures and video; default 1280x720, GIF 800x450.")
 ]
 _Scene = Annotated[
     str | None,
-    typer.Option(
-        metavar="NAME",
-        help="Which of several scenes the page opens, and pictures and video show: the "
+    option(
+        "NAME",
+        "Which of several scenes the page opens, and pictures and video show: the "
         'name of a file, the arm branch of a map or a simulation, or "side by side".',
     ),
 ]

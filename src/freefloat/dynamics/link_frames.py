@@ -10,7 +10,7 @@ import numpy as np
 
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.rigid_bodies import Body
-from freefloat.so3 import Array
+from freefloat.so3 import Array, axis_frame
 
 _NEARLY_PARALLEL = 0.1
 """Sine of the angle between axes below which the foot of their common normal may be far away: the
@@ -49,7 +49,7 @@ def link_frames(model: FreeFloatingModel) -> LinkFrames:
     model.require_one_arm("ensembles and maps of the joint space")
     axes, points, rotations = joints_at_zero(model)
     n = len(axes)
-    x, origin = _perpendicular(axes[0]), points[0]
+    x, origin = -axis_frame(axes[0])[:, 0], points[0]
     base = np.vstack([x, np.cross(axes[0], x), axes[0], origin])
     rows, bodies = [], [_inertial(model.bodies[0], np.eye(3), np.zeros(3), base)]
     z_before, length = axes[0], 0.0
@@ -97,12 +97,6 @@ def joints_at_zero(model: FreeFloatingModel) -> tuple[Array, Array, Array]:
         points.append(point)
         rotations.append(rotation)
     return np.array(axes), np.array(points), np.array(rotations)
-
-
-def _perpendicular(z: Array) -> Array:
-    """A unit vector perpendicular to another one."""
-    x = np.cross(z, np.eye(3)[np.argmin(np.abs(z))])
-    return np.asarray(x / np.linalg.norm(x))
 
 
 def _turned(x: Array, z: Array, z_next: Array) -> tuple[Array, Array, Array]:

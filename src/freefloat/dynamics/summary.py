@@ -57,25 +57,6 @@ class Configuration:
         }
 
 
-def configuration_at(
-    model: FreeFloatingModel,
-    measures: Sequence[SingularityMeasure],
-    joints: Sequence[float],
-    attitude: Sequence[float] | None,
-) -> Configuration:
-    """A robot at joints (n,) and an attitude; the identity for None.
-
-    Raises:
-        InputError: If they are not as many as the robot has, or the attitude is no rotation.
-    """
-    q = model.joint_vector(joints)
-    x = unit_quaternion("attitude", UPRIGHT if attitude is None else attitude)
-    end_effector = model.end_effector_pose(x, q)
-    frames = frames_at(model, x, q)
-    poses = {name: frame.inverse() @ end_effector for name, frame in frames.items()}
-    return Configuration(q, x, poses, {measure.name: measure(q) for measure in measures})
-
-
 def frames_at(
     model: FreeFloatingModel, attitude: Array, joints: Array, first: int = 0
 ) -> dict[str, Pose]:
@@ -136,8 +117,12 @@ class RobotSummary:
         """
         configuration = None
         if joints is not None:
-            measures = (singularity_measure(model, task, "gjm"), measure)
-            configuration = configuration_at(model, measures, joints, attitude)
+            q = model.joint_vector(joints)
+            x = unit_quaternion("attitude", UPRIGHT if attitude is None else attitude)
+            pose = model.end_effector_pose(x, q)
+            poses = {name: at.inverse() @ pose for name, at in frames_at(model, x, q).items()}
+            measures = {m.name: m(q) for m in (singularity_measure(model, task, "gjm"), measure)}
+            configuration = Configuration(q, x, poses, measures)
         elif attitude is not None:
             raise InputError("attitude", "it was given without joints", "joints with it")
         extremes = joint_space_extremes(model, measure, smooth=measure.smooth)

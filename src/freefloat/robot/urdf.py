@@ -32,9 +32,8 @@ from freefloat.robot.free_base import with_free_base
 from freefloat.robot.not_read import SHAPES, what_is_not_read
 from freefloat.robot.shapes import Box, Capsule, Cylinder, MeshFile, Shape, Sphere
 from freefloat.robot.source import RobotSource
-from freefloat.robot.urdf_numbers import AttributeReader, are_numbers
+from freefloat.robot.urdf_attributes import AttributeReader, are_numbers, read_version
 from freefloat.robot.urdf_text import PAIR, Element, robot_element
-from freefloat.robot.urdf_versions import read_version
 from freefloat.so3 import Pose, frozen
 
 MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")

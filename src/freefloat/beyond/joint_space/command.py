@@ -8,12 +8,11 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
 from rich.console import RenderableType
 
 from freefloat.cli.console import Console, decimals, table
 from freefloat.cli.delivery import Delivery
-from freefloat.cli.options import Json, Plots, Quiet, ResultFile
+from freefloat.cli.options import Json, Plots, Quiet, ResultFile, option
 from freefloat.cli.robots import (
     EndEffector,
     FileOptions,
@@ -44,24 +43,21 @@ _REDUNDANT = {
 """The same of redundant arms: the determinant is never negative, so that no sign proves a zero."""
 _Resolution = Annotated[
     float | None,
-    typer.Option(
-        metavar="DEG",
-        help="Width down to which boxes are cut; default 0.1 where det A depends on two joints, "
+    option(
+        "DEG",
+        "Width down to which boxes are cut; default 0.1 where det A depends on two joints, "
         "1 for three, 5 for four, 15 for more.",
     ),
 ]
 _Fix = Annotated[
     list[str] | None,
-    typer.Option(
-        metavar="JOINT=Q",
-        help="Map the slice with this value of a joint, rad or m, which still moves; may be "
+    option(
+        "JOINT=Q",
+        "Map the slice with this value of a joint, rad or m, which still moves; may be "
         "repeated. robot.held of a scenario locks a joint.",
     ),
 ]
-_Page = Annotated[
-    Path | None,
-    typer.Option("--html", metavar="FILE", help="Write a page with the surface det A = 0."),
-]
+_Page = Annotated[Path | None, option("FILE", "Write a page with the surface det A = 0.", "--html")]
 
 
 def singularities(
@@ -129,15 +125,15 @@ def singularities(
 def _fixed(options: Sequence[str]) -> dict[str, float]:
     """Values of joints from options such as ``q1=0.5``."""
     values: dict[str, float] = {}
-    for option in options:
-        name, _, value = option.partition("=")
+    for text in options:
+        name, _, value = text.partition("=")
         try:
             if name in values:
                 raise ValueError
             values[name] = float(value)
         except ValueError:
             accepted = "a joint and its only value: q1=0.5"
-            raise InputError("fix", f"{option!r} was given", accepted) from None
+            raise InputError("fix", f"{text!r} was given", accepted) from None
     return values
 
 

@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from freefloat.cli.console import Console
-from freefloat.cli.options import Json, NoOpen, Quiet, scenario_names
+from freefloat.cli.options import Json, NoOpen, Quiet, option, scenario_names
 from freefloat.io.files import make_folder
 
 _Scenario = Annotated[
@@ -19,13 +19,9 @@ _Scenario = Annotated[
                    autocompletion=scenario_names),
 ]  # fmt: skip
 _Port = Annotated[
-    int,
-    typer.Option(min=0, max=65535, metavar="P",
-                 help="Port of the page; if it is in use, the next free one."),
-]  # fmt: skip
-_Folder = Annotated[
-    Path, typer.Option("--output", "-o", metavar="DIR", help="Folder in which plans are saved.")
+    int, option("P", "Port of the page; if it is in use, the next free one.", min=0, max=65535)
 ]
+_Folder = Annotated[Path, option("DIR", "Folder in which plans are saved.", "--output", "-o")]
 
 
 def studio(
