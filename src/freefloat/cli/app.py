@@ -112,9 +112,9 @@ _GROUPS = {
 }
 for _group, _commands in _GROUPS.items():
     for _command in _commands:
-        app.command(
-            _command.__name__.rstrip("_"), cls=ListCommand, rich_help_panel=_group
-        )(_command)  # fmt: skip
+        app.command(_command.__name__.rstrip("_"), cls=ListCommand, rich_help_panel=_group)(
+            _command
+        )
 
 
 @app.callback(invoke_without_command=True)

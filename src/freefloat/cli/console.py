@@ -186,18 +186,13 @@ def print_error(error: FreeFloatError, as_json: bool) -> None:
 
 def error_document(error: FreeFloatError) -> dict[str, Any]:
     """The JSON document of an error: message, key, problem, accepted values, file, line."""
-    names = {"key": "key", "problem": "problem", "accepted": "accepted", "file": "source",
-             "line": "line"}  # fmt: skip
-    details = {key: getattr(error, name, None) for key, name in names.items()}
-    return {"message": str(error), **details}
+    details = {key: getattr(error, key, None) for key in ("key", "problem", "accepted", "line")}
+    return {"message": str(error), **details, "file": getattr(error, "source", None)}
 
 
 def table(*columns: str) -> Table:
     """An empty table with the headings of its columns."""
-    empty = Table(box=SIMPLE_HEAD, show_edge=False)
-    for column in columns:
-        empty.add_column(column)
-    return empty
+    return Table(*columns, box=SIMPLE_HEAD, show_edge=False)
 
 
 def decimals(values: Iterable[float], digits: int = 4) -> str:

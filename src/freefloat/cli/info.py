@@ -66,14 +66,9 @@ def info(
     console = Console(as_json, quiet)
     loaded = load_robot(console, robot, end_effector, FileOptions(root, package, xacro))
     scenario = loaded.scenario
-    summary = RobotSummary.of(
-        loaded.model,
-        loaded.task,
-        loaded.measure,
-        loaded.diagnostics,
-        joints,
-        attitude,
-        why_unchecked(loaded.model),
+    unchecked = why_unchecked(loaded.model)
+    summary = RobotSummary(
+        loaded.model, loaded.task, loaded.measure, loaded.diagnostics, joints, attitude, unchecked
     )
     setting, limits = ({}, {}) if scenario is None else _setting(scenario)
     console.json(summary.to_dict() | setting | limits)

@@ -191,15 +191,9 @@ def not_read_lines(entries: Sequence[NotRead]) -> Iterator[RenderableType]:
     if entries:
         yield f"not used, {len(entries)} in all:"
     for (tag, kind, attribute, meaning), group in alike.items():
-        shown = group[:_SHOWN]
-        plural = "s" if len(group) > 1 else ""
-        owners = ", ".join(name for _, name in shown if name)
-        names = f"{kind}{plural * bool(kind)} {owners}".strip()
-        lines = ", ".join(str(entry.line) for entry, _ in shown if entry.line is not None)
-        where = [f"line{plural} {lines}" * bool(lines), names]
-        more = f" and {len(group) - _SHOWN} more (--json)" if len(group) > _SHOWN else ""
         what = f"{attribute} of <{tag}>" if attribute else f"<{tag}>"
-        yield f"  {', '.join(filter(None, [what, *where]))}{more}: {meaning}"
+        places = [(name, entry.line) for entry, name in group]
+        yield f"  {_places(what, kind, places, _SHOWN)}: {meaning}"
 
 
 def diagnostic_lines(diagnostics: Sequence[UrdfDiagnostic]) -> Iterator[RenderableType]:
@@ -219,16 +213,21 @@ def diagnostic_lines(diagnostics: Sequence[UrdfDiagnostic]) -> Iterator[Renderab
         words = (f"{n} {word}{'s' if n > 1 else ''}" for word, n in counts.items())
         yield f"{diagnostics[0].file}: {', '.join(words)}"
     for (severity, kind, _), entries in alike.items():
-        first = entries[0]
-        shown = entries[:_SHOWN] if severity == "warning" else entries
-        plural = "s" if len(entries) > 1 else ""
-        count = f"{len(entries)} {severity}s" if plural else severity
-        lines = ", ".join(str(entry.line) for entry in shown if entry.line is not None)
-        names = ", ".join(entry.element.removeprefix(kind).strip() for entry in shown)
-        more = len(entries) - len(shown)
-        rest = f" and {more} more (--json)" if more else ""
-        case = ", each" if len({entry.problem for entry in entries}) == 1 else ", the first"
+        first, count = entries[0], f"{len(entries)} {severity}s" if len(entries) > 1 else severity
+        named = [(entry.element.removeprefix(kind).strip(), entry.line) for entry in entries]
+        shown = _SHOWN if severity == "warning" else len(entries)
+        same = len({entry.problem for entry in entries}) == 1
+        case = (", each" if same else ", the first") if len(entries) > 1 else ""
         style = "yellow" if severity == "warning" else ""
-        where = f"line{plural} {lines}, " * bool(lines) + f"{kind}{plural} {names}".rstrip()
-        yield Text(f"  {count}, {where}{rest}{case * bool(plural)}: {first.problem}", style)
+        yield Text(f"  {_places(count, kind, named, shown)}{case}: {first.problem}", style)
         yield f"    {first.remedy}"
+
+
+def _places(what: str, kind: str, named: Sequence[tuple[str, int | None]], shown: int) -> str:
+    """What some links or joints have: lines and names of the first ones, and how many follow."""
+    plural = "s" if len(named) > 1 else ""
+    lines = ", ".join(str(line) for _, line in named[:shown] if line is not None)
+    names = f"{kind}{plural * bool(kind)} {', '.join(name for name, _ in named[:shown] if name)}"
+    more = f" and {len(named) - shown} more (--json)" if len(named) > shown else ""
+    parts = what, f"line{plural} {lines}" * bool(lines), names.strip()
+    return ", ".join(filter(None, parts)) + more

@@ -145,7 +145,7 @@ def generalized_jacobian(
     task = applicable(model, task)
     if getattr(joints, "ndim", 1) == 2:
         return stacked(lambda q: (generalized_jacobian(model, q, task),), joints)[0]
-    A_G, J = (_maps if task.planar else _spatial_maps)(model, joints, task)
+    A_G, J = _maps(model, joints, task)
     A_G = np.asfortranarray(A_G)  # solved in place
     _, _, base, singular = dgesv(A_G[:, :6], A_G[:, 6:], 1, 1)
     if singular:
@@ -198,15 +198,6 @@ def _maps(model: FreeFloatingModel, joints: npt.ArrayLike, task: Task) -> tuple[
     these are stacked, shape (6 times their number, 6 + n). Those of planar tasks, and the
     spacecraft's columns, are along the axes of the plane.
     """
-    A_G, J = _spatial_maps(model, joints, task)
-    if not task.planar:
-        return A_G, J
-    return _in_plane(model, task, A_G), _in_plane(model, task, J)
-
-
-def _spatial_maps(
-    model: FreeFloatingModel, joints: npt.ArrayLike, task: Task
-) -> tuple[Array, Array]:
     robot, data, axes = model.pin_model, model.scratch, task.reference_frame
     q = finite_after(INERTIAL, "joints", joints, model.dof)
     A_G = pin.computeCentroidalMap(robot, data, q)
@@ -217,12 +208,12 @@ def _spatial_maps(
     if model.on_table:
         A_G = conserved(model, A_G)
     if model.arms:
-        return A_G[:, : 6 + model.arm_dof], J[:, : 6 + model.arm_dof]
-    return A_G, J
+        A_G, J = A_G[:, : 6 + model.arm_dof], J[:, : 6 + model.arm_dof]
+    return _in_plane(model, task, A_G), _in_plane(model, task, J)
 
 
 def _in_plane(model: FreeFloatingModel, task: Task, M: Array) -> Array:
-    """A matrix of :func:`_spatial_maps` along the axes of a planar task's plane."""
+    """A matrix of :func:`_maps` along the axes of a planar task's plane."""
     if not task.planar or (plane := required_plane(model, task)).is_level:
         return M
     M = np.moveaxis(plane.rows(np.moveaxis(M, -2, 0)), 0, -2)

@@ -83,50 +83,45 @@ class RobotSummary:
         model: The robot.
         task: The task of the extremes.
         measure: The singularity measure of the extremes.
-        extremes: Extremes of the measure over the joint space.
         diagnostics: Warnings of the URDF.
-        configuration: Joints and attitude to describe, if any.
+        joints: Joint values at which the end-effector is described, if any.
+        attitude: Attitude of the spacecraft with these joints; the identity when left out.
         contact_unchecked: Why motions are not searched for contact between bodies; None where they
             are.
+
+    Raises:
+        InputError: If an attitude is given without joints.
     """
 
     model: FreeFloatingModel
     task: Task
     measure: SingularityMeasure
-    extremes: Extremes
-    diagnostics: tuple[UrdfDiagnostic, ...]
-    configuration: Configuration | None = None
+    diagnostics: tuple[UrdfDiagnostic, ...] = ()
+    joints: Sequence[float] | None = None
+    attitude: Sequence[float] | None = None
     contact_unchecked: str | None = None
 
-    @classmethod
-    def of(
-        cls,
-        model: FreeFloatingModel,
-        task: Task,
-        measure: SingularityMeasure,
-        diagnostics: tuple[UrdfDiagnostic, ...] = (),
-        joints: Sequence[float] | None = None,
-        attitude: Sequence[float] | None = None,
-        contact_unchecked: str | None = None,
-    ) -> RobotSummary:
-        """Summarize a robot, with the pose of its end-effector at joints if there are any.
-
-        Raises:
-            InputError: If they are not as many as the robot has, the attitude is no rotation, or
-                it is given without joints.
-        """
-        configuration = None
-        if joints is not None:
-            q = model.joint_vector(joints)
-            x = unit_quaternion("attitude", UPRIGHT if attitude is None else attitude)
-            pose = model.end_effector_pose(x, q)
-            poses = {name: at.inverse() @ pose for name, at in frames_at(model, x, q).items()}
-            measures = {m.name: m(q) for m in (singularity_measure(model, task, "gjm"), measure)}
-            configuration = Configuration(q, x, poses, measures)
-        elif attitude is not None:
+    def __post_init__(self) -> None:
+        if self.joints is None and self.attitude is not None:
             raise InputError("attitude", "it was given without joints", "joints with it")
-        extremes = joint_space_extremes(model, measure, smooth=measure.smooth)
-        return cls(model, task, measure, extremes, diagnostics, configuration, contact_unchecked)
+
+    @cached_property
+    def configuration(self) -> Configuration | None:
+        """The robot at the joints; an InputError unless it has these and the attitude is one."""
+        if self.joints is None:
+            return None
+        q = self.model.joint_vector(self.joints)
+        x = unit_quaternion("attitude", UPRIGHT if self.attitude is None else self.attitude)
+        pose = self.model.end_effector_pose(x, q)
+        frames = frames_at(self.model, x, q)
+        poses = {name: frame.inverse() @ pose for name, frame in frames.items()}
+        measures = singularity_measure(self.model, self.task, "gjm"), self.measure
+        return Configuration(q, x, poses, {measure.name: measure(q) for measure in measures})
+
+    @cached_property
+    def extremes(self) -> Extremes:
+        """Extremes of the measure over the joint space."""
+        return joint_space_extremes(self.model, self.measure, smooth=self.measure.smooth)
 
     @property
     def plane(self) -> Plane | None:

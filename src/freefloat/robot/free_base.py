@@ -99,11 +99,8 @@ def base_joint_problem(robot: RobotDescription, joint: Joint) -> str:
         return "the robot has several floating or planar joints, and would be several robots"
     if joint.type == "planar" and not _is_vertical(joint.axis):
         return "its axis is not z, about which a base on a table turns"
-    kept = _below(robot, joint.child)
-    heavy = [link.name for link in robot.links
-             if link.name not in kept and (link.mass or link.shapes)]  # fmt: skip
-    if heavy:
-        return f"its parent is a part with mass or shapes ({heavy[0]})"
+    if (heavy := solid_link(robot, joint.child)) is not None:
+        return f"its parent is a part with mass or shapes ({heavy})"
     return f"other joints of {joint.parent} move"
 
 
@@ -139,10 +136,10 @@ def needed_widths(kinds: Sequence[str]) -> list[float]:
     return widths
 
 
-def solid_link(robot: RobotDescription, joints: Sequence[Joint]) -> str | None:
-    """The first link with mass or shapes between a massless root and what virtual joints carry."""
-    above = {link.name for link in robot.links} - _below(robot, joints[-1].child)
-    links = (link for link in robot.links if link.name in above)
+def solid_link(robot: RobotDescription, carried: str) -> str | None:
+    """The first link with mass or shapes that a link neither carries nor is."""
+    kept = _below(robot, carried)
+    links = (link for link in robot.links if link.name not in kept)
     return next((link.name for link in links if link.mass or link.shapes), None)
 
 
@@ -154,9 +151,9 @@ def _base_joint(robot: RobotDescription) -> Joint | None:
     if found[0].type == "planar" and not _is_vertical(found[0].axis):
         return None
     kept = _below(robot, found[0].child)
-    bare = all(link.name in kept or not (link.mass or link.shapes) for link in robot.links)
-    still = all(joint.parent in kept or joint is found[0] or joint.type == "fixed"
-                for joint in robot.joints)  # fmt: skip
+    others = (joint for joint in robot.joints if joint.parent not in kept and joint is not found[0])
+    still = all(joint.type == "fixed" for joint in others)
+    bare = solid_link(robot, found[0].child) is None
     return found[0] if bare and still and found[0].parent not in kept else None
 
 
@@ -174,7 +171,7 @@ def _virtual_base(robot: RobotDescription, joints: Sequence[Joint]) -> Base | No
     sliding = np.array([joint.type == "prismatic" for joint in joints], dtype=bool)
     bases = {(FREE, FREE // 2): Base.FREE, (PLANAR, PLANAR - 1): Base.PLANAR}
     base = bases.get((len(joints), int(sliding.sum())))
-    if base is None or held_joint(joints) is not None or solid_link(robot, joints) is not None:
+    if base is None or held_joint(joints) or solid_link(robot, joints[-1].child):
         return None
     pose, points, axes = IDENTITY, [], []
     for joint, slides in zip(joints, sliding, strict=True):

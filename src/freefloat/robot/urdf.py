@@ -158,7 +158,7 @@ class _ElementDecoder(AttributeReader):
             armature=self.number(element.find("dynamics"), "armature"),
             mimic=self._mimic(element),
             lines=_lines(element, element),
-        )  # fmt: skip
+        )
 
     def _mimic(self, element: Element) -> Mimic | None:
         """What a joint follows; nothing where there is no such joint."""

@@ -222,7 +222,7 @@ def _virtual_base(robot: RobotDescription, mounted: bool) -> Faults:
             moves = f"moves from {held.lower:g} to {held.upper:g} {unit} alone"
             problem += f"; {held.name} {f'follows {held.mimic.joint}' if held.mimic else moves}"
             remedy += ", with ranges of at least 2 m and a full turn"
-        elif (solid := solid_link(robot, joints)) is not None:
+        elif (solid := solid_link(robot, joints[-1].child)) is not None:
             problem += f"; {solid} has mass or shapes"
         yield Fault(held or joints[0], "joint", problem, remedy)
 
