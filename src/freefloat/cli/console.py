@@ -252,10 +252,9 @@ def present_lines(problem: Problem, attitude: Array | None, joints: Any) -> Iter
 
     distance, angle = start_offset(problem, attitude, joints)
     if max(distance, angle) > _AT_START:
-        turned = (
-            f" and {math.degrees(angle):.4g} deg" if problem.task.prescribes_orientation else ""
-        )
-        yield f"The path begins {distance:.4g} m{turned} from the end-effector's present pose."
+        parts = [f"{distance:.4g} m"] * (distance > _AT_START)
+        parts += [f"{math.degrees(angle):.4g} deg"] * (angle > _AT_START)
+        yield f"The path begins {' and '.join(parts)} from the end-effector's present pose."
 
 
 def motion_lines(chosen: SimulatedBranch, verbose: bool = True) -> Iterator[str]:

@@ -51,9 +51,8 @@ class Extremes:
 
 
 def joint_space_extremes(
-    model: FreeFloatingModel, function: Function, samples: int = _JOINT_SAMPLES,
-    smooth: Sequence[Function] = (),
-) -> Extremes:  # fmt: skip
+    model: FreeFloatingModel, function: Function, samples: int = _JOINT_SAMPLES
+) -> Extremes:
     """The extremes of a function of the joints over the joint space, see :func:`joint_box`.
 
     The best of ``samples`` points of a low-discrepancy sequence are refined by Newton's
@@ -63,13 +62,12 @@ def joint_space_extremes(
         model: Robot.
         function: Of joint values (n,) or (K, n), such as a singularity measure.
         samples: Number of points.
-        smooth: Functions that approach it from below where it has kinks, see
-            :class:`SingularityMeasure`.
 
     Raises:
         InputError: If a prismatic joint has no finite range.
     """
     points, _ = _sorted_samples(model, function, samples)
+    smooth = getattr(function, "smooth", ())  # what approaches a measure with kinks from below
     smallest, smallest_at = _extremum(model, function, points[:_REFINED])
     largest, largest_at = _extremum(model, function, points[-_REFINED:], -1.0, smooth)
     return Extremes(largest, frozen(largest_at), smallest, frozen(smallest_at))

@@ -121,7 +121,7 @@ class RobotSummary:
     @cached_property
     def extremes(self) -> Extremes:
         """Extremes of the measure over the joint space."""
-        return joint_space_extremes(self.model, self.measure, smooth=self.measure.smooth)
+        return joint_space_extremes(self.model, self.measure)
 
     @property
     def plane(self) -> Plane | None:

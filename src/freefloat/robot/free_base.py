@@ -83,9 +83,9 @@ def add_table(robot: Element, root: str) -> None:
         root: Its root link.
     """
     names, name = {child.get("name") for child in robot}, "table"
-    while name in names:
+    while names & {name, f"{name}_joint"}:
         name += "_"
-    joint = robot.makeelement("joint", {"name": name, "type": "planar"})
+    joint = robot.makeelement("joint", {"name": f"{name}_joint", "type": "planar"})
     parts = {"parent": {"link": name}, "child": {"link": root}, "axis": {"xyz": "0 0 1"}}
     for tag, attributes in parts.items():
         joint.append(joint.makeelement(tag, attributes))
