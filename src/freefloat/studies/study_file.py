@@ -119,8 +119,8 @@ class StudyFile(Section):
     """The same for planar tasks: initial heading [degrees]."""
     start: StartSection | None = None
     """With attitude or heading_deg, the arm branch. Default: the one that simulate chooses for the
-    unvaried scenario; where attitudes vary the best of each run, with search.joints the one nearest
-    to these."""
+    unvaried scenario; where attitudes vary, but not about one attitude, the best of each run, with
+    search.joints the one nearest to these."""
     track: TrackSection = TrackSection()
     """Command track: deviations of the simulated robot, and its controller."""
 

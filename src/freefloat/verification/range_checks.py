@@ -48,9 +48,9 @@ _DIRECTIONS = 96
 """Tested directions of momentum."""
 _PRECISE_COUNT = 3
 """Number of worst directions that are integrated precisely."""
-_EXACT, _APART = 1e-6, 1.5
-"""Relative difference of radii that are the same, and ratio of those that different searches find:
-of these adversarial searches alone decide."""
+_EXACT, _APART, _CAUTIOUS = 1e-6, 1.5, 2.0
+"""Relative difference of radii that are the same, and ratios of those that different searches find,
+of larger stated ones and of smaller ones: of these adversarial searches alone decide."""
 _INSIDE = 0.999
 """Tolerances are tested slightly inside their ends."""
 
@@ -83,8 +83,9 @@ def known_robustness(plan: Plan) -> dict[str, Any]:
     if chosen is None or not plan.feasible or not stated:
         return known | dict.fromkeys(("robust_radius", "radius_effort", "tolerance"))
     radius = radius_around(evaluator, chosen, samples.spacing)
-    near, far = sorted((plan.robust_radius or 0.0, radius))
-    if near >= (1.0 - _EXACT) * far or far > _APART * near:
+    said = plan.robust_radius or 0.0
+    same = min(said, radius) >= (1.0 - _EXACT) * max(said, radius)
+    if same or said > _APART * radius or radius > _CAUTIOUS * said:
         known["robust_radius"] = radius
     if plan.tolerance is None:
         return known | dict.fromkeys(("radius_effort", "tolerance"))
