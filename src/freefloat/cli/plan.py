@@ -27,7 +27,6 @@ from freefloat.cli.delivery import Delivery
 from freefloat.cli.options import Json, Page, Plots, Quiet, ResultFile, ScenarioName, Threads
 from freefloat.ik.labels import short_label
 from freefloat.kinds import kind_of, named
-from freefloat.paths.time_laws import TimeLaw
 
 if TYPE_CHECKING:
     from freefloat.planning.plan import Plan
@@ -148,6 +147,8 @@ def _limits_attitude(plan: Plan) -> bool:
 
 def _chosen_lines(plan: Plan, verbose: bool) -> Iterator[str]:
     """Deviation, tolerances, and with ``verbose`` what confirms them and what was not chosen."""
+    from freefloat.paths.time_laws import TimeLaw  # imports slowly
+
     if plan.stretch != 1.0:
         yield f"  Duration stretched by {plan.stretch:.6g} to {plan.problem.path.duration:.6g} s."
     if plan.problem.path.timing.law is TimeLaw.OPTIMAL:
