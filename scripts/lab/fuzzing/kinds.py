@@ -27,7 +27,7 @@ from freefloat.io.records.results import load
 from freefloat.io.scenario.scenario import load_scenario
 from freefloat.io.scenario.schema import ScenarioFile
 from freefloat.io.scenario.yaml import validated
-from freefloat.limits.collision import collision_shapes
+from freefloat.limits.pairs import CollisionPairs
 from freefloat.paths.samples import parse_samples, samples_text
 from freefloat.planning.simulation import Simulation
 from freefloat.robot.mesh_files import MeshFileError
@@ -105,7 +105,7 @@ def _urdf(file: Path) -> None:
         virtual.pose(np.zeros(model.dof))
         natural_task(model)
     robot_visuals(model)
-    collision_shapes(model)
+    CollisionPairs(model, 0.0)
 
 
 def _csv(file: Path) -> None:

@@ -15,7 +15,7 @@ from freefloat.motion.motion import Motion
 from freefloat.visualization.figure_style import BLACK, PAGE, PALE, legend_above, new_figure, styled
 from freefloat.visualization.figures.motion_figures import (
     attitude_curves,
-    draw_curves,
+    draw_panel,
     joint_scale,
     shown_times,
 )
@@ -78,6 +78,6 @@ def _draw(panels: Any, motion: Motion, longest: int) -> None:
         ("joints", scale * trajectory.joints, problem.model.joint_names, unit),
     ]
     for panel, drawn in zip(panels, curves, strict=True):
-        draw_curves(panel, trajectory, drawn, named=False)
+        draw_panel(panel, trajectory, drawn, named=False)
         if len(drawn[2]) > 1:
             legend_above(panel, longest=longest)

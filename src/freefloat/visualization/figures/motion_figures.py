@@ -95,13 +95,18 @@ def attitude_curves(problem: Problem, trajectory: Trajectory) -> tuple[str, Arra
     return "x-y-z Euler angles", euler_angles(trajectory.attitudes), _AXES
 
 
-def draw_curves(
+def draw_curves(axes: Any, times: Array, values: Array, names: Sequence[str]) -> None:
+    """Draw columns of values (K, C) over time, as many as there are names."""
+    axes.set_prop_cycle(strokes(len(names)))
+    axes.plot(times, values[:, : len(names)], label=list(names))
+
+
+def draw_panel(
     axes: Any, trajectory: Trajectory, curves: tuple[str, Array, Sequence[str], str], named: bool
 ) -> None:
     """Draw quantity, values (K, C), names of columns and unit over time, and name its marks."""
     quantity, values, names, unit = curves
-    axes.set_prop_cycle(strokes(len(names)))
-    axes.plot(trajectory.times, values[:, : len(names)], label=list(names))
+    draw_curves(axes, trajectory.times, values, names)
     axes.set_ylabel(axis_label(quantity, unit))
     mark_times(axes, trajectory.motion, named)
 
@@ -136,7 +141,7 @@ def _motion_figure(motion: Motion, trajectory: Trajectory) -> Figure:
         ("spacecraft origin,\ninertial axes", trajectory.base_positions @ frame, level, "m"),
     ]
     for panel, drawn in zip(panels.flat, curves, strict=True):
-        draw_curves(panel, trajectory, drawn, named=panel is panels[2, 1])
+        draw_panel(panel, trajectory, drawn, named=panel is panels[2, 1])
         legend_above(panel)
     if motion.ending is Ending.SINGULAR:
         _limit_rates(panels[0, 1], scale * trajectory.joint_rates, motion, trajectory.times)
