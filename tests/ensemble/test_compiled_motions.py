@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.interpolate import make_interp_spline
 
 import freefloat as ff
 from freefloat.ensemble.compiled_motions import precise_motion
 from freefloat.motion.problem import Problem
 from freefloat.so3 import Array
+from tests.errors import error_key
 from tests.motions import GOOD, bundled
 
 
@@ -52,3 +54,27 @@ def test_singular_motions_and_those_that_nearly_are_come_from_the_reference_engi
     motion, exact = (f(planar, attitude, joints) for f in (precise_motion, ff.integrate_motion))
     assert motion.completed == (branch == 1)
     np.testing.assert_array_equal(motion.joints, exact.joints)
+
+
+class Own(ff.paths.Curve):
+    """A cubic spline through five points, whose third derivative jumps at the middle one."""
+
+    def __init__(self, named: bool) -> None:
+        points = [[0.9, 0.2, 0.0], [0.85, 0.3, 0.0], [0.75, 0.38, 0.0], [0.7, 0.5, 0.0],
+                  [0.6, 0.55, 0.0]]  # fmt: skip
+        self.spline = make_interp_spline([0.0, 0.23, 0.48, 0.81, 1.0], points, k=3)
+        self.breaks = np.unique(self.spline.t)[1:-1] if named else np.zeros(0)
+
+    def __call__(self, s: float | Array, order: int = 0) -> Array:
+        return np.asarray(self.spline(s, order))
+
+
+def test_curves_with_unnamed_breaks_are_refused() -> None:
+    named, unnamed = (
+        ff.Problem("planar_2dof", "end_effector", path=Own(named), duration=20.0)
+        for named in (True, False)
+    )
+    plan = ff.plan(named)
+    assert plan.motion is not None
+    assert plan.motion.residuals().end_effector_position < 1e-9
+    assert error_key(lambda: ff.plan(unnamed)) == "path"
