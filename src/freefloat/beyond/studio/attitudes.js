@@ -216,7 +216,11 @@ class Dial {
     return (Math.atan2(y, x) * 180 / Math.PI + 360) % 360;
   }
 
-  ring(branch) { return [1 - 0.26 * branch, 0.78 - 0.26 * branch]; }
+  // Outer and inner radius of an arm branch; all of them have room around the middle.
+  ring(branch) {
+    const width = Math.min(0.26, 0.9 / this.set.branches.length);
+    return [1 - width * branch, 1 - width * (branch + 0.85)];
+  }
 
   // Asks about the heading and the arm branch below the pointer.
   point(event) {
@@ -258,7 +262,9 @@ class Dial {
         const end = Math.min(high, low + 359.99);
         this.add("path", { d: `M ${at(outer + 0.02, low)} ${arc(outer + 0.02, low, end, 0)}`, fill: "none", stroke: "#fff", "stroke-width": 0.015 });
       }
-      this.add("text", { x: 0, y: -(inner + outer) / 2, style: "fill: #fff; paint-order: stroke; stroke: #000; stroke-width: 0.03px" }, branch.label);
+      const few = branches.length <= 4, label = few ? branch.label : branch.label.replace(/([a-z])[a-z]*([+-])/g, "$1$2");
+      const size = few ? "" : `; font-size: ${outer - inner}px`;
+      this.add("text", { x: 0, y: -(inner + outer) / 2, style: `fill: #fff; paint-order: stroke; stroke: #000; stroke-width: 0.03px${size}` }, label);
     });
     for (const heading of [0, 90, 180, 270]) {
       const [x, y] = at(1.17, heading).split(" ");
