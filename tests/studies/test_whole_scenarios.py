@@ -194,7 +194,7 @@ def test_rates_turn_and_pointing_are_limited_without_precise_motions(
         {"clearance": 0.0137},
     ],
 )
-def test_some_limits_are_asked_of_recorded_motions(
+def test_some_limits_are_checked_on_recorded_motions(
     limits: dict[str, float], tmp_path: Path
 ) -> None:
     """Of motions that keep all other limits; the robots differ in masses."""
@@ -228,7 +228,7 @@ def test_bounds_of_limits_and_of_the_margin_vary_at_random(tmp_path: Path) -> No
         assert_same(row, simulation)
 
 
-def test_the_corridor_is_asked_of_recorded_motions(tmp_path: Path) -> None:
+def test_the_corridor_is_checked_on_recorded_motions(tmp_path: Path) -> None:
     """Its axis is inertial; the arm is planar, and the ends of its path vary."""
     corridor = {"point": [0.0, 0.0, 0.0], "axis": [1.0, 0.0, 0.0], "radius": 0.4}
     line = {"line": {"from": [2.0, 0.0, 0.0], "to": [1.4, 0.4, 0.0]}}

@@ -34,7 +34,7 @@ _TO_POINTS = chebyshev.chebvander(_POINTS, DEGREE) @ TO_COEFFICIENTS
 _LAST = 3
 """Number of last Chebyshev coefficients from which the interpolation error is estimated."""
 _ALONG = CorridorLimit, JointAccelerationLimit, JointJerkLimit, ClearanceLimit
-"""Limits that are asked of one motion after the other, the cheapest first."""
+"""Limits that are checked one motion after the other, the cheapest first."""
 _PANELS = 16, 64
 """Least numbers of panels of motions, and of those whose torques these do not resolve."""
 _RESOLVED = 1e-5
@@ -138,7 +138,7 @@ class RecordedLimits:
     Attributes:
         problem: The problem that disturbed motions have in common.
         joint_torque: Largest magnitudes [N m or N], shape (n,); None without limit.
-        along: Limits that are asked of one motion after the other.
+        along: Limits that are checked one motion after the other.
     """
 
     problem: Problem

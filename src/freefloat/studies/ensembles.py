@@ -38,7 +38,7 @@ from freefloat.studies.study import Study
 CHUNK = 4096
 """Runs that are integrated and stored together."""
 _SLOW_CHUNK = 64
-"""Runs of a chunk with limits that are asked of one motion after the other."""
+"""Runs of a chunk with limits that are checked one motion after the other."""
 
 
 def chunks(study: Study, missing: IntArray, size: int | None = None) -> Iterator[Chunk]:

@@ -132,7 +132,7 @@ class Study:
 
     @property
     def has_slow_limits(self) -> bool:
-        """Whether simulations may have limits that are asked of one motion after the other."""
+        """Whether simulations may have limits that are checked one motion after the other."""
         if any(clearance not in (None, False, OFF) for clearance in self._clearances):
             return True
         stated = {*chain(*self._sections("limits"), *self._sections("scene"))}
