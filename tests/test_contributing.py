@@ -158,7 +158,7 @@ assert all(limit(phase["limits"])["kept"] for phase in found["phases"])
 run("check", "phases.h5")
 motion = ff.load("phases.h5").phases[-1].motion
 t = np.linspace(0.01, motion.final.time - 0.01, 500)
-positions = [[motion.problem.model.end_effector_pose(s.attitude, s.joints).position
+positions = [[motion.model.end_effector_pose(s.attitude, s.joints).position
               for s in motion.sample(t + step)] for step in (1e-4, -1e-4)]
 speeds = np.linalg.norm(np.subtract(*positions), axis=1) / 2e-4
 assert abs(limit(found["phases"][-1]["limits"])["worst"] - speeds.max()) < 1e-5
@@ -206,7 +206,7 @@ assert [phase["kind"] for phase in phases] == ["path", "goal", "hold", "hold", "
 assert phases[3]["name"] == "wait" and phases[2]["duration"] == 20
 hold = loaded.phases[2].motion
 np.testing.assert_allclose(hold.joints, np.tile([0.4, 1.2], (len(hold.times), 1)), atol=1e-12)
-D = inertia_matrices(hold.problem.model, hold.joints[0])[0]
+D = inertia_matrices(hold.model, hold.joints[0])[0]
 angle = heading_of(hold.final.attitude) - heading_of(hold.initial.attitude)
 assert abs(np.angle(np.exp(1j * (angle - 20 * 0.5 / D[2, 2])))) < 1e-9
 run("check", "hold.h5")

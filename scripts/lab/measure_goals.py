@@ -25,7 +25,7 @@ KINDS = ("attitude", "pose", "joints", "client", "narrow")
 
 def largest_rate(result: GoalMotion, limits: ff.Limits) -> float:
     """Largest joint rate over its limit, at 20,000 instants."""
-    rates = result.motion.curve.at(np.linspace(0.0, 1.0, 20_000), 1) / result.duration
+    rates = result.motion.law.curve.at(np.linspace(0.0, 1.0, 20_000), 1) / result.duration
     return float(np.abs(rates / limits.joint_rate).max())
 
 

@@ -102,7 +102,8 @@ class ResultKind:
         decode: Function of the tree of a file and its scenario, or its robot without a scenario;
             empty for records of a problem, a search and limits.
         codec: Codec of the record.
-        has_scenario: Whether files hold a scenario, which poses its problem.
+        scenario: Function of a result that returns the scenario that poses it; empty where files
+            hold none.
     """
 
     record: str
@@ -113,7 +114,7 @@ class ResultKind:
     tables: str = ""
     decode: str = ""
     codec: str = "verification.leaves:CODEC"
-    has_scenario: bool = True
+    scenario: str = "io.scenario.writing:scenario_of_result"
 
 
 RESULT_KINDS = {
@@ -140,6 +141,8 @@ RESULT_KINDS = {
         "beyond.missions.goal_verification:goal_report",
         "beyond.missions.values:goal_values",
         "beyond.missions.tables:goal_tables",
+        "beyond.missions.goal_files:decode_goal",
+        scenario="beyond.missions.goal_files:goal_scenario",
     ),
     "manoeuvre": ResultKind(
         "beyond.missions.phases.manoeuvre:Manoeuvre",
@@ -171,7 +174,7 @@ RESULT_KINDS = {
         "beyond.joint_space.scene:singularity_scene",
         "beyond.joint_space.verification:singularity_map_report",
         decode="beyond.joint_space.verification:decoded",
-        has_scenario=False,
+        scenario="",
     ),
 }
 """Kinds of results that are saved, by the attribute ``kind`` of their records."""

@@ -7,6 +7,7 @@ from numpy.polynomial import chebyshev
 import freefloat as ff
 from freefloat.certificate.bounds import Intervals, _ArmBounds, _Neighbourhood, lower_bounds
 from freefloat.certificate.matrix_bounds import ScaledSystem
+from freefloat.motion.law import PathLaw
 from freefloat.motion.motion import Ending, Motion
 from freefloat.motion.panels import DEGREE, NODES
 from freefloat.paths import FixedOrientation, PolynomialCurve
@@ -39,7 +40,7 @@ def moving(model, task, c):
     x = np.append((NODES[:-1] - 1.0) / 2.0, (NODES + 1.0) / 2.0)
     joints = chebyshev.chebval(x, c).T
     attitudes = np.tile([0.0, 0.0, 0.0, 1.0], (len(x), 1))
-    return Motion(problem, Ending.COMPLETED, (x + 1.0) / 2.0, attitudes, joints)
+    return Motion(PathLaw(problem), Ending.COMPLETED, (x + 1.0) / 2.0, attitudes, joints)
 
 
 def states(rng, chain, task, count):
@@ -122,7 +123,7 @@ def test_the_second_derivative_of_the_arm_is_bounded(spatial, order):
         largest = max(largest, abs(before - 2.0 * now + after) / h**2)
     attitudes = np.tile([0.0, 0.0, 0.0, 1.0], (DEGREE + 1, 1))
     joints = chebyshev.chebval(NODES, c).T
-    motion = Motion(spatial, Ending.COMPLETED, (NODES + 1.0) / 2.0, attitudes, joints)
+    motion = Motion(PathLaw(spatial), Ending.COMPLETED, (NODES + 1.0) / 2.0, attitudes, joints)
     half = 1e-2
     (bound,) = _ArmBounds(motion).bounds(Intervals(np.array([0]), np.zeros(1), half))["arm"]
     slope = (value(chebyshev.chebval(h, c)) - value(chebyshev.chebval(-h, c))) / (2.0 * h)
@@ -181,7 +182,7 @@ def test_nothing_is_proven_of_a_motion_that_passes_a_singularity(planar):
     joints = np.array([0.3, 0.05, 1.0]) * np.ones((DEGREE + 1, 1))
     joints[:, 1] = 0.4 * NODES + 0.013  # the arm stretches on the way
     attitudes = np.tile([0.0, 0.0, 0.0, 1.0], (DEGREE + 1, 1))
-    motion = Motion(planar, Ending.COMPLETED, (NODES + 1.0) / 2.0, attitudes, joints)
+    motion = Motion(PathLaw(planar), Ending.COMPLETED, (NODES + 1.0) / 2.0, attitudes, joints)
     ends = {name: min(abs(_measure(motion, name)(q)) for q in motion.joints[[0, -1]])
             for name in ("gjm", "system", "sigma")}  # fmt: skip
     values = [_measure(motion, "gjm")(q) for q in motion.joints]

@@ -59,7 +59,7 @@ def test_other_null_space_motion_is_an_error_of_the_rates(redundant):
     assert certify(redundant).rates.value < 1e-6
     other = replace(redundant.problem, redundancy=ff.Redundancy("energy"))
     motion = ff.integrate_motion(other, redundant.initial.attitude, redundant.initial.joints)
-    result = certify(replace(motion, problem=redundant.problem))
+    result = certify(replace(motion, law=redundant.law))
     assert result.end_effector_position.value < 1e-8
     assert result.momentum.value < 1e-6 * result.momentum_scale
     assert result.rates.value > 1e-3

@@ -87,7 +87,7 @@ def test_ros_2_reads_a_goal_with_tolerances(trajectory) -> None:
     )
     name = "control_msgs/msg/FollowJointTrajectoryGoal"
     read = store.deserialize_cdr(store.serialize_cdr(message, name), name)
-    assert read.trajectory.joint_names == list(trajectory.motion.problem.model.joint_names)
+    assert read.trajectory.joint_names == list(trajectory.motion.model.joint_names)
     rows = [point.positions for point in read.trajectory.points]
     np.testing.assert_allclose(rows, trajectory.joints, rtol=0, atol=1e-9)
     assert all(entry.position > 0.0 for entry in [*read.path_tolerance, *read.goal_tolerance])
@@ -97,7 +97,7 @@ def test_ros_2_reads_a_goal_with_tolerances(trajectory) -> None:
 def test_an_mcap_reader_reads_joints_transforms_and_margin(trajectory, tmp_path) -> None:
     file = tmp_path / "motion.mcap"
     ff.export(trajectory.motion, file, times=301, epoch=EPOCH)
-    model = trajectory.motion.problem.model
+    model = trajectory.motion.model
     topics: dict[str, list] = {}
     with file.open("rb") as stream:
         reader = make_reader(stream, decoder_factories=[DecoderFactory()])

@@ -14,6 +14,7 @@ from freefloat.io.scenario.writing import scenario_of
 from freefloat.robot.bundled import find_scenario
 from freefloat.robot.description import RobotDescription
 from freefloat.robot.shapes import MeshFile
+from freefloat.scene.scene_body import EndEffectorPoses
 
 CLIENT = (
     '<robot name="client"><link name="bus"><collision><geometry><box size="0.4 0.3 0.5"/>'
@@ -54,7 +55,7 @@ def distances(problem, t=7.0):
     from freefloat.limits.pairs import CollisionPairs
 
     pairs = CollisionPairs(problem.model, scene=problem.scene)
-    poses = problem.scene.poses(t, problem.path)
+    poses = problem.scene.poses(t, problem, EndEffectorPoses.on(problem.path.pose(t)))
     everything = np.arange(len(pairs.pairs))
     return pairs.distances(np.full(6, 0.3), everything, [0.0, 0.0, 0.6, 0.8], poses)
 

@@ -10,6 +10,8 @@ from freefloat.limits.check import check_limits
 from freefloat.limits.limits import Limits
 from freefloat.motion.joint_curves import JointSpline
 from freefloat.motion.joint_integration import integrate_spline
+from freefloat.motion.law import JointLaw, PathLaw
+from freefloat.motion.setting import JointSetting
 from freefloat.planning.planner import plan
 from freefloat.planning.settings import Search
 from freefloat.robot.shapes import Sphere
@@ -25,7 +27,7 @@ START = 0.9
 def corridor_result(*arguments, bodies=(), **options):
     motion = prismatic_motion(prismatic_robot())
     scene = Scene(bodies, Corridor(*arguments, **options))
-    motion = replace(motion, problem=motion.problem.replace(scene=scene))
+    motion = replace(motion, law=PathLaw(motion.problem.replace(scene=scene)))
     (result,) = (r for r in check_limits(motion, Limits()) if r.limit == "corridor")
     return result
 
@@ -62,11 +64,12 @@ def test_a_path_on_the_axis_into_the_apex_is_inside():
 
 def test_a_corridor_of_a_held_body_moves_with_the_joints():
     """Prescribed joints: the end-effector stays where it is in the frame of the body."""
-    problem = load_scenario("planar_2dof/line").problem()
+    system = load_scenario("planar_2dof/line").problem().system
     held = SceneBody("tool", Sphere(0.01), [0.1, 0.2, 0.0], motion="target")
     scene = Scene((held,), Corridor([0.0, 0.0, 0.0], [1, 0, 0], radius=0.3, body="tool"))
     spline = JointSpline([[0.3, 0.5]] * 6 + [[1.0, -0.5]] * 6)
-    motion = integrate_spline(problem.replace(scene=scene), spline, [0.0, 0.0, 0.6, 0.8])
+    law = JointLaw(JointSetting.of(system, scene), spline, 20.0)
+    motion = integrate_spline(law, [0.0, 0.0, 0.6, 0.8])
     (result,) = check_limits(motion, Limits(clearance="off"))
     assert result.worst == pytest.approx(0.2, abs=1e-9)
 

@@ -13,6 +13,8 @@ from freefloat.limits.check import deepest_contact
 from freefloat.limits.clearance import clearance
 from freefloat.limits.pairs import CollisionPairs
 from freefloat.motion.integration import integrate_motion
+from freefloat.motion.law import PathLaw
+from freefloat.motion.scene_poses import scene_poses
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.parts import Payload
 from freefloat.robot.shapes import Box, Cylinder, Sphere
@@ -29,7 +31,7 @@ BALL = shape_text(f'<sphere radius="{RADIUS}"/>')
 
 def prismatic(*bodies, **options):
     motion = prismatic_motion(prismatic_robot(hand=BALL), **options)
-    return replace(motion, problem=motion.problem.replace(scene=Scene(bodies)))
+    return replace(motion, law=PathLaw(motion.problem.replace(scene=Scene(bodies))))
 
 
 def nearest_of(motion):
@@ -140,7 +142,7 @@ def test_fine_sampling_finds_nothing_nearer():
     pairs = CollisionPairs(problem.model, scene=problem.scene)
     every, places = np.arange(len(pairs.pairs)), np.linspace(0.0, motion.panels, 101)
     sampled = np.array([
-        pairs.distances(q, every, a, problem.scene.poses(t, problem.path))
+        pairs.distances(q, every, a, scene_poses(motion, t, a, q))
         for t, a, q in zip(*motion.evaluate(places), strict=True)
     ])  # fmt: skip
     nearest = clearance(motion, pairs)

@@ -42,7 +42,7 @@ def rates(phase: Any, end: int) -> Array:
 def base(phase: Any, end: int) -> Array:
     """Position of the root link in the frame of the manoeuvre [m]."""
     motion, state = phase.motion, (phase.motion.initial, phase.motion.final)[end]
-    return phase.centre + state.time * motion.problem.path.drift + state.base_position
+    return phase.centre + state.time * motion.setting.drift + state.base_position
 
 
 def joins(manoeuvre: Manoeuvre) -> int:

@@ -30,13 +30,13 @@ def model() -> ff.FreeFloatingModel:
 
 def dense(motion: Any, count: int = 20_000) -> tuple[Any, Any, Any]:
     """Times, joints and joint rates of a motion, from its control points alone."""
-    spline, s = JointSpline(motion.curve.control_points), np.linspace(0.0, 1.0, count)
+    spline, s = JointSpline(motion.law.curve.control_points), np.linspace(0.0, 1.0, count)
     return s * motion.times[-1], spline.at(s), spline.at(s, 1) / motion.times[-1]
 
 
 def attitude_at_end(system: ff.System, motion: Any) -> Any:
     """Rotation of the spacecraft at the end, by SciPy's LSODA for D omega = R^T h - h_w - Dq q'."""
-    spline, T = JointSpline(motion.curve.control_points), float(motion.times[-1])
+    spline, T = JointSpline(motion.law.curve.control_points), float(motion.times[-1])
 
     def change(t: float, R: Any) -> Any:
         D, Dq = inertia_matrices(system.model, spline.at(t / T))
@@ -183,7 +183,7 @@ def test_arms_with_parallel_axes_in_their_own_frames_leave_the_plane() -> None:
     system = ff.System(ff.FreeFloatingModel.from_urdf(f'<robot name="r">{"".join(links)}</robot>'))
     state, goal = (STATE[0], np.zeros(3)), ff.Goal(joints=[0.2, 0.1, 0.3])
     result = ff.move(system, state, goal, ff.Limits(joint_rate=np.full(3, 0.1)))
-    assert (result.feasible, result.problem.task) == (True, Task.POSITION)
+    assert (result.feasible, result.setting.task) == (True, Task.POSITION)
 
 
 @pytest.mark.slow

@@ -69,9 +69,9 @@ def test_a_manoeuvre_leads_from_the_present_state_through_all_phases(manoeuvre, 
     starts = [phase.start for phase in manoeuvre.phases]
     np.testing.assert_allclose(ends[:-1], starts[1:], atol=1e-9)
     before = manoeuvre.phases[-2].motion
-    there = before.problem.model.end_effector_pose(before.final.attitude, before.final.joints)
+    there = before.model.end_effector_pose(before.final.attitude, before.final.joints)
     goal = there @ BACK.pose
-    model, final = last.problem.model, last.final
+    model, final = last.model, last.final
     reached = model.end_effector_pose(final.attitude, final.joints).position
     np.testing.assert_allclose(reached, goal.position, atol=1e-8)
 
@@ -96,13 +96,12 @@ def test_a_pose_goal_is_reached_in_its_frame(problem, state: SystemState, frame:
         origin, axes = state.pose.position, state.pose.rotation
     point = axes.T @ (state.pose.position - origin + np.array([0.05, -0.02, 0.0]))
     goal = ff.Goal(Pose(point, axes.T), frame=frame, duration=10.0)
-    path = ff.PathPhase(goal).problem_at(state).path
+    path = ff.PathPhase(goal).setting_at(state).path
     np.testing.assert_allclose(path.pose(10.0).position, origin + axes @ point, atol=1e-12)
     np.testing.assert_allclose(path.twist(10.0), 0.0, atol=1e-12)
 
 
 def test_a_margin_is_required_of_later_paths(state: SystemState) -> None:
-    assert PHASES[1].problem_at(state).path.duration == 25.0
     limits = replace(LIMITS, clearance="off")  # the second link passes through the spacecraft
     found = ff.PathPhase(BACK).run(state, limits)
     assert found.limit_results == ff.check_limits(found.chosen.motion, limits)

@@ -68,7 +68,7 @@ def test_a_loaded_motion_knows_what_moves_its_arm(file: Path) -> None:
     wall.rename(file.parent / "wall.urdf")
     assert len(moving) == 4
     for phase in moving:
-        assert phase.motion.problem.path.duration == phase.motion.times[-1]
+        assert phase.motion.law.timing.duration == phase.motion.times[-1]
         stated = {result.limit: result for result in phase.result.limit_results}
         for found in ff.check_limits(phase.motion, phase.result.limits):
             assert found.worst == pytest.approx(stated[found.limit].worst, rel=1e-9)
@@ -84,9 +84,9 @@ def test_a_file_is_verified_with_mujoco(file: Path) -> None:
 def test_rates_and_places_that_do_not_join_are_discrepancies(file: Path) -> None:
     loaded = ff.load(file)
     before, _, _, berth, _ = loaded.phases
-    points = berth.motion.curve.control_points.copy()
+    points = berth.motion.law.curve.control_points.copy()
     points[1] += [1e-3, 0.0]
-    object.__setattr__(berth.motion, "curve", JointSpline(points))
+    object.__setattr__(berth.motion.law, "curve", JointSpline(points))
     object.__setattr__(before, "centre", before.centre + 1e-6)
     names = {entry.name for entry in ff.check(loaded).discrepancies}
     assert {"goal: rates at its start", "path: begins where reorientation ends"} <= names

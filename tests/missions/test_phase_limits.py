@@ -57,12 +57,12 @@ def test_every_phase_reports_what_the_checker_finds(manoeuvre: Manoeuvre) -> Non
 @pytest.mark.slow
 def test_the_scene_stays_where_it_is_while_the_centre_of_mass_drifts(manoeuvre: Manoeuvre) -> None:
     for phase in manoeuvre.phases:
-        problem = phase.motion.problem
-        for t in (0.0, problem.path.duration):
-            centre = phase.centre + t * problem.path.drift
-            (body,) = problem.scene.poses(t, problem.path)
-            corridor = problem.scene.corridor_pose(t, problem.path)
-            axis = corridor.position + problem.scene.corridor.point
+        setting = phase.motion.setting
+        for t in (0.0, phase.duration):
+            centre = phase.centre + t * setting.drift
+            (body,) = setting.scene.poses(t, setting)
+            corridor = setting.scene.corridor_pose(t, setting)
+            axis = corridor.position + setting.scene.corridor.point
             np.testing.assert_allclose(body.position + centre, BODY.position, atol=1e-12)
             np.testing.assert_allclose(axis + centre, AROUND.point, atol=1e-12)
 
@@ -80,7 +80,7 @@ def test_a_held_body_moves_with_the_end_effector_of_free_orientation(problem: ff
     offsets = []
     for motion in (phase.motion for phase in after):
         for state in (motion.initial, motion.final):
-            hand = motion.problem.model.end_effector_pose(state.attitude, state.joints)
+            hand = motion.model.end_effector_pose(state.attitude, state.joints)
             (pose,) = scene_poses(motion, state.time, state.attitude, state.joints)
             offsets.append((hand.inverse() @ pose).position)
             if len(offsets) == 1:

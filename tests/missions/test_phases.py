@@ -184,7 +184,7 @@ def test_unnamed_phases_have_distinct_names() -> None:
 
 def test_a_path_that_begins_within_rounding_is_moved_there(state: SystemState) -> None:
     rounded = line(GRAPPLE + np.array([4e-7, -3e-7, 0.0]), [0.9, 1.0, 0.0])
-    path = ff.PathPhase(ff.TimedPath(rounded, ff.Timing(10.0))).problem_at(state).path
+    path = ff.PathPhase(ff.TimedPath(rounded, ff.Timing(10.0))).setting_at(state).path
     np.testing.assert_allclose(path.pose(0.0).position, state.pose.position, atol=1e-14)
     np.testing.assert_allclose(path.pose(10.0).position, [0.9, 1.0, 0.0], atol=1e-6)
 

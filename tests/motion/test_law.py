@@ -11,8 +11,9 @@ from scipy.spatial.transform import Rotation
 import freefloat as ff
 from freefloat.motion.joint_curves import JointSpline
 from freefloat.motion.joint_integration import integrate_spline
-from freefloat.motion.law import PathLaw
+from freefloat.motion.law import JointLaw, PathLaw
 from freefloat.motion.motion import Motion
+from freefloat.motion.setting import JointSetting
 
 START = np.array([0.3, -0.5, 1.1, 0.4, 0.9, -0.2])
 END = np.array([0.8, 0.1, 0.6, -0.3, 1.2, 0.5])
@@ -26,9 +27,9 @@ def moved(kind: str) -> Motion:
     problem = problem.replace(wheel_momentum=[0.1, 0.2, -0.3], path=path)
     if kind == "path":
         return ff.simulate(problem, ATTITUDE).chosen.motion
-    timed = problem.replace(path=replace(path, timing=ff.Timing(20.0, "quintic")))
     spline = JointSpline([START, 1.1 * START, *np.linspace(START, END, 9), END])
-    return integrate_spline(timed, spline, ATTITUDE)
+    setting = JointSetting.of(problem.system, problem.scene)
+    return integrate_spline(JointLaw(setting, spline, 20.0), ATTITUDE)
 
 
 SCENARIOS = "planar_3dof/parabola", "ets_vii/inspect"
@@ -64,7 +65,7 @@ def test_many_states_have_the_path_rates_and_forces_of_each(name: str) -> None:
 def test_rates_and_accelerations_are_derivatives_of_the_motion(kind: str) -> None:
     """Central differences of fourth order."""
     motion = moved(kind)
-    law, T = motion.law, motion.law.duration
+    law, T = motion.law, motion.law.timing.duration
     assert motion.final.time == pytest.approx(T)
     h = 1e-3 * T
     weights = np.array([1.0, -8.0, 0.0, 8.0, -1.0]) / (12.0 * h)
@@ -81,7 +82,7 @@ def test_rates_and_accelerations_are_derivatives_of_the_motion(kind: str) -> Non
         turns = [(here * Rotation.from_quat(state.attitude)).as_rotvec() for state in states]
         np.testing.assert_allclose(rates.base, weights @ turns, atol=1e-8)
         target = law.target(now.time, now.attitude, now.joints)
-        reached = motion.problem.model.end_effector_pose(now.attitude, now.joints)
+        reached = motion.model.end_effector_pose(now.attitude, now.joints)
         np.testing.assert_allclose(target.position, reached.position, atol=1e-7)
         np.testing.assert_allclose(target.rotation, reached.rotation, atol=1e-7)
         efforts = [law.effort(state.time, state.attitude, state.joints) for state in states]

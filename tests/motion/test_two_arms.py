@@ -18,6 +18,7 @@ from freefloat.ik.nearest import newton_solutions
 from freefloat.io.formats.export import Format, trajectories
 from freefloat.io.formats.trajectory import Trajectory
 from freefloat.limits.limits import Limits
+from freefloat.motion.law import PathLaw
 from freefloat.motion.residuals import path_errors
 from freefloat.so3 import angle_between
 from freefloat.visualization.scenes.scene import motion_scene
@@ -189,7 +190,7 @@ def test_an_arm_on_a_joint_curve_rests_in_later_phases(tmp_path):
     loaded = ff.load(tmp_path / "plan.h5")
     assert ff.check(loaded, "mujoco").passed
     path, rest = trajectories(loaded, Format.CSV, 3).values()  # have both arms
-    assert rest.motion.problem.model.joint_names == path.motion.problem.model.joint_names
+    assert rest.motion.model.joint_names == path.motion.model.joint_names
     np.testing.assert_allclose(rest.joints[:, 2:], [WAYPOINTS[-1]] * 3, rtol=0, atol=1e-14)
     own = Trajectory.of(loaded.phases[1].motion, [0.0, 5.0, 10.0])  # of the robot with one arm
     for name in ("angular_velocities", "joint_rates", "joint_torques"):
@@ -207,7 +208,7 @@ def test_an_altered_joint_of_the_other_arm_is_found(problem):
     motion = simulation.chosen.motion
     joints = motion.joints.copy()
     joints[:, 3] += 1e-4 * np.sin(np.linspace(0.0, np.pi, len(joints)))
-    altered = type(motion)(motion.problem, motion.ending, motion.times, motion.attitudes, joints)
+    altered = type(motion)(motion.law, motion.ending, motion.times, motion.attitudes, joints)
     chosen = replace(simulation.chosen, motion=altered)
     assert not ff.check(replace(simulation, branches=(chosen,), chosen=chosen)).passed
 
@@ -218,7 +219,7 @@ def test_another_curve_of_the_other_arm_is_found(problem):
     left = problem.arms.curves["left"]
     shifted = ff.ArmCurve(left.waypoints + np.array([0.0, 0.1]), left.times)
     other = problem.replace(arms={"left": shifted})
-    chosen = replace(simulation.chosen, motion=replace(simulation.motion, problem=other))
+    chosen = replace(simulation.chosen, motion=replace(simulation.motion, law=PathLaw(other)))
     report = ff.check(replace(simulation, chosen=chosen, branches=(chosen,)))
     assert "further arms" in {check.name for check in report.discrepancies}
 

@@ -5,6 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import freefloat as ff
+from freefloat.scene.scene_body import EndEffectorPoses
 from tests.errors import error_key
 from tests.prismatic import LENGTH, prismatic_problem, prismatic_robot
 from tests.robots import joint_text
@@ -16,7 +17,8 @@ def test_a_body_with_the_target_has_the_pose_of_the_path():
     path = ff.load_scenario("spatial_6dof/line").problem().path
     body = ff.SceneBody("tool", ff.Sphere(0.1), [0.1, 0.2, 0.3], TURNED, motion="target")
     for t in (0.0, 31.0, 100.0):
-        pose, expected = body.pose_at(t, path), path.pose(t)
+        expected = path.pose(t)
+        pose = body.pose_at(t, path, EndEffectorPoses.on(expected))
         position = expected.position + expected.rotation @ [0.1, 0.2, 0.3]
         np.testing.assert_allclose(pose.position, position, atol=1e-14)
         np.testing.assert_allclose(pose.rotation, expected.rotation @ TURNED, atol=1e-14)
@@ -74,7 +76,11 @@ def test_a_corridor_moves_with_its_body():
     body = ff.SceneBody("client", ff.Sphere(0.1), [0.0, 0.2, 0.0], motion="target")
     scene = ff.Scene([body], ff.Corridor([0, 0, 0], [1, 0, 0], radius=1.0, body="client"))
     problem = prismatic_problem(prismatic_robot()).replace(scene=scene)
-    first, last = (scene.corridor_pose(t, problem.path).position for t in (0.0, 20.0))
+    path = problem.path
+    first, last = (
+        scene.corridor_pose(t, path, EndEffectorPoses.on(path.pose(t))).position
+        for t in (0.0, 20.0)
+    )
     np.testing.assert_allclose(last - first, [LENGTH, 0.0, 0.0], atol=1e-12)
 
 

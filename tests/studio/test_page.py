@@ -232,7 +232,7 @@ def test_a_goal_is_dragged_reached_and_saved(opened: Show, studio: Studio) -> No
     page.locator("#save").click()
     page.get_by_text(re.compile("^Saved .*around.h5")).wait_for()
     motion = ff.load(studio.folder / "around.h5").phases[0].motion
-    pose = motion.problem.model.end_effector_pose(motion.final.attitude, motion.final.joints)
+    pose = motion.model.end_effector_pose(motion.final.attitude, motion.final.joints)
     assert pose.position == pytest.approx(content(page)["goal"]["pose"]["position"], abs=1e-8)
 
 

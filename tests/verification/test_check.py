@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 import freefloat as ff
 from freefloat.certificate.certificate import certify
 from freefloat.ensemble.endings import COMPLETED, SINGULAR
+from freefloat.motion.law import PathLaw
 from freefloat.motion.motion import Ending
 from freefloat.planning.simulation import Simulation
 from freefloat.so3 import angle_between
@@ -109,7 +110,7 @@ def with_motion(result, **changes):
 
 def with_problem(plan, **changes):
     problem = replace(plan.problem, **changes)
-    return with_motion(replace(plan, problem=problem), problem=problem)
+    return with_motion(replace(plan, problem=problem), law=PathLaw(problem))
 
 
 def moved(name, rows, columns, by):

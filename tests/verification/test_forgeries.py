@@ -23,13 +23,14 @@ import freefloat as ff
 from freefloat.dynamics.momentum import inertia_matrices
 from freefloat.errors import FreeFloatError
 from freefloat.motion.problem import Problem
+from freefloat.motion.setting import JointSetting
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.verification.check import CheckReport, recomputed
 from tests.commands import document
 from tests.test_result_kinds import IDENTITY
 from tests.test_result_kinds import result as usual_result
 
-INPUTS = Problem, ff.Search, ff.Limits, FreeFloatingModel
+INPUTS = Problem, JointSetting, ff.Search, ff.Limits, FreeFloatingModel
 SMALLEST = 1e-7
 """Numbers of an array below this fraction of its largest are rounding, not compared."""
 
@@ -193,7 +194,7 @@ def test_every_forged_value_is_denied_or_named(kind: str) -> None:
     tried = [
         (place, new)
         for place, value in places
-        if "curve" not in place
+        if "law" not in place
         for new in forgeries(value)[:most]
     ]
     assert len(tried) > 10

@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 
 import freefloat as ff
 from freefloat.io.formats.trajectory import Trajectory
+from freefloat.motion.law import PathLaw
 from freefloat.planning.motions import SimulatedBranch
 from freefloat.so3 import heading_quaternion
 from freefloat.visualization.figure_style import PALE, VERMILION, axis_label
@@ -102,7 +103,7 @@ def test_compared_motions_share_scales_of_equal_units(
     first, second = planar.motion, singular.motion
     margin = second.problem.margin
     other = replace(margin, measure=replace(margin.measure, unit="m"))
-    in_metres = replace(second, problem=second.problem.replace(margin=other))
+    in_metres = replace(second, law=PathLaw(second.problem.replace(margin=other)))
     for compared, alike in ((second, True), (in_metres, False)):
         upper = comparison_figure({"first": first, "second": compared}).axes[:2]
         assert (upper[0].get_ylim() == upper[1].get_ylim()) == alike

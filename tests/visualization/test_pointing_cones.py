@@ -9,6 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import freefloat as ff
+from freefloat.motion.law import PathLaw
 from freefloat.motion.motion import Motion
 from freefloat.visualization.scenes.scene import motion_scene
 from tests.scene_commands import tracks, vertices
@@ -32,7 +33,7 @@ def test_the_rim_is_at_the_angle_from_the_target_and_the_arrow_is_the_axis(
     """Also of a cone that opens backward, and while the target passes by."""
     limit = LIMITS.pointing[number]
     path = replace(motion.problem.path, drift=[drift, 0.0, 0.0])
-    motion = replace(motion, problem=motion.problem.replace(path=path))
+    motion = replace(motion, law=PathLaw(motion.problem.replace(path=path)))
     scene = motion_scene({"good": motion}, limits=LIMITS)
     root = f"/meshcat/good/Pointing limits/pointing.{number}"
     surface, arrow = vertices(scene, f"{root}/cone/surface"), vertices(scene, f"{root}/axis")

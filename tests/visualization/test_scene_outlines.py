@@ -10,6 +10,7 @@ from matplotlib.patches import Polygon
 from scipy.spatial import ConvexHull
 
 import freefloat as ff
+from freefloat.motion.law import PathLaw
 from freefloat.motion.motion import Motion
 from freefloat.so3 import heading_quaternion
 from freefloat.visualization.figures.scene_figures import outline_points, snapshots_figure
@@ -51,7 +52,7 @@ def test_outlines_have_nearly_the_volume_of_the_shapes() -> None:
     motion = motion_beside("planar_2dof/line", list(heading_quaternion(0.5)))
     for shape, volume in shapes:
         scene = ff.Scene([ff.SceneBody("body", shape, [5.0, 0.0, 0.0])])
-        beside = replace(motion, problem=motion.problem.replace(scene=scene))
+        beside = replace(motion, law=PathLaw(motion.problem.replace(scene=scene)))
         ((_, points),) = outline_points(beside, 0.0)
         assert ConvexHull(points).volume == pytest.approx(volume, rel=0.03)
         assert points.mean(axis=0) == pytest.approx([5.0, 0.0, 0.0], abs=0.01)

@@ -10,7 +10,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import freefloat as ff
+from freefloat.motion.law import PathLaw
 from freefloat.motion.motion import Motion
+from freefloat.scene.scene_body import EndEffectorPoses
 from freefloat.visualization.scenes.scene import motion_scene
 from freefloat.visualization.scenes.scene_builder import PageScene
 from tests.scene_commands import commands, tracks, vertices
@@ -32,7 +34,7 @@ def motion(spatial: ff.Problem) -> Motion:
 
 def scene_of(motion: Motion, *arguments: Any) -> PageScene:
     problem = motion.problem.replace(scene=ff.Scene(*arguments))
-    return motion_scene({"good": replace(motion, problem=problem)})
+    return motion_scene({"good": replace(motion, law=PathLaw(problem))})
 
 
 @pytest.mark.slow
@@ -42,7 +44,10 @@ def test_moving_bodies_have_tracks_and_fixed_ones_a_place(motion: Motion) -> Non
     for body in BODIES[1:]:
         times, positions = moves[f"{ROOT}/Scene bodies/{body.name}.position"]
         quaternions = moves[f"{ROOT}/Scene bodies/{body.name}.quaternion"][1].reshape(-1, 4)
-        poses = [body.pose_at(t, path) for t in np.clip(times, 0.0, 100.0)]
+        poses = [
+            body.pose_at(t, path, EndEffectorPoses.on(path.pose(t)))
+            for t in np.clip(times, 0.0, 100.0)
+        ]
         expected = np.array([pose.position for pose in poses])
         assert positions.reshape(-1, 3) == pytest.approx(expected, abs=1e-6)
         shown = Rotation.from_quat(quaternions)
@@ -59,7 +64,7 @@ def test_moving_bodies_have_tracks_and_fixed_ones_a_place(motion: Motion) -> Non
 def test_while_the_centre_of_mass_drifts_fixed_bodies_and_the_corridor_move(motion: Motion) -> None:
     """Shown is the frame of the centre of mass."""
     path = replace(motion.problem.path, drift=[0.01, 0.0, -0.02])
-    moving = replace(motion, problem=motion.problem.replace(path=path))
+    moving = replace(motion, law=PathLaw(motion.problem.replace(path=path)))
     corridor = ff.Corridor([0.1, 0.2, -0.3], [1.0, 2.0, 0.5], radius=2.0)
     moves = tracks(scene_of(moving, BODIES, corridor))
     for key, start in (("Scene bodies/mast", [3.0, 0.0, 1.0]), ("Corridor", [0.0, 0.0, 0.0])):

@@ -271,7 +271,7 @@ class _ArmBounds:
 
     def __init__(self, motion: Motion) -> None:
         angles = 2.0 * np.pi * np.arange(_GRID) / _GRID
-        value = motion.problem.margin.measure
+        value = motion.setting.margin.measure
         table = [[value(np.array([0.0, q2, q3, 0.0, 0.0, 0.0])) for q3 in angles] for q2 in angles]
         orders = np.fft.fftfreq(_GRID, 1.0 / _GRID)
         self._terms = np.fft.fft2(np.array(table)).ravel() / _GRID**2

@@ -134,7 +134,7 @@ def certify(motion: Motion) -> Certificate:
         intervals=intervals,
         end_effector_position=_worst(poses[:, 0], times),
         end_effector_orientation=_worst(poses[:, 1], times)
-        if motion.problem.task.prescribes_orientation
+        if motion.setting.task.prescribes_orientation
         else None,
         momentum=_worst(motion.momentum_errors(u), times),
         momentum_scale=momentum_scale(motion),
@@ -177,15 +177,15 @@ def _regular_panels(motion: Motion) -> int:
     if motion.ending is not Ending.SINGULAR:
         return motion.panels
     left = motion.final.time - motion.times[:-1:DEGREE]
-    before = int((left > _MOMENT * motion.problem.path.duration).sum())
+    before = int((left > _MOMENT * motion.law.timing.duration).sum())
     return max(0, min(before, motion.panels - _BEFORE_SINGULAR))
 
 
 def momentum_scale(motion: Motion) -> float:
     """See :attr:`Certificate.momentum_scale`."""
-    scale, n = motion.problem.system.momentum_bound, motion.problem.model.arm_dof
+    scale, n = motion.setting.system.momentum_bound, motion.model.arm_dof
     _, states, slopes = _with_slopes(motion)
-    _, Dq = inertia_matrices(motion.problem.model, states[:, 5:])
+    _, Dq = inertia_matrices(motion.model, states[:, 5:])
     carried = turned(Dq[..., :n], slopes[:, 5 : 5 + n])
     return float(np.linalg.norm(carried, axis=1).max(initial=scale))
 
@@ -226,6 +226,6 @@ def integrate_again(motion: Motion) -> SecondIntegration:
         attitude_time=float(times[angles.argmax()]),
         joints=float(differences.max()),
         joints_time=float(times[latest]),
-        joint=motion.problem.model.joint_names[joint],
+        joint=motion.model.joint_names[joint],
         until=float(times[-1]),
     )

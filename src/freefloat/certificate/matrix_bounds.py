@@ -96,7 +96,7 @@ class ScaledSystem:
 
     def __init__(self, motion: Motion) -> None:
         """Prepare the robot of a motion, with its strokes of prismatic joints."""
-        model, task = motion.problem.model, motion.problem.task
+        model, task = motion.model, motion.setting.task
         reach = unit_of_length(model, task)
         m = model.total_mass
         L = max(_chain_length(motion), reach) / reach
@@ -152,7 +152,7 @@ class ScaledSystem:
 
 def _chain_length(motion: Motion) -> float:
     """Largest distance along the chain between points that the matrix depends on [m]."""
-    model = motion.problem.model
+    model = motion.model
     extents = joint_extents(motion)
     centres = max(float(np.linalg.norm(body.centre)) for body in model.bodies)
     tools = [model.link_places[link][1].position for link in model.end_effector_links]

@@ -144,7 +144,7 @@ def _described(path: Path, kind: Format, trajectory: Trajectory) -> dict[str, An
     return {
         "file": str(path), "format": str(kind), "times": len(at),
         "from": float(at[0]), "to": float(at[-1]),
-        "joint_names": list(motion.problem.model.joint_names), "completed": motion.completed,
+        "joint_names": list(motion.model.joint_names), "completed": motion.completed,
     }  # fmt: skip
 
 

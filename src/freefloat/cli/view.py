@@ -252,7 +252,7 @@ def _save_figures(
         result = load(file)
         place = folder / name if len(files) > 1 else folder
         written += save_figures(place, figures(result, threads=threads, progress=progress))
-        moving = [p.shown_motion for p in getattr(result, "phases", ()) if p.motion is not None]
+        moving = [p.motion for p in getattr(result, "phases", ()) if p.motion is not None]
         if len(moving) == 1:
             motions[name] = moving[0]
     if len(motions) > 1:

@@ -13,6 +13,7 @@ import numpy as np
 from freefloat.ensemble.endings import COMPLETED, MAX_STEPS
 from freefloat.errors import MissingNumbaError
 from freefloat.motion.integration import integrate_motion
+from freefloat.motion.law import PathLaw
 from freefloat.motion.motion import Ending, Motion
 from freefloat.motion.panels import NODES, TO_COEFFICIENTS
 from freefloat.motion.problem import Problem
@@ -59,7 +60,7 @@ def _compiled(problem: Problem, attitude: Array, joints: Array) -> Motion | None
             return None
     nodes = np.vstack(panels)
     nodes[:, 1:5] /= np.linalg.norm(nodes[:, 1:5], axis=1, keepdims=True)
-    return Motion(problem, Ending.COMPLETED, nodes[:, 0], nodes[:, 1:5], nodes[:, 5:])
+    return Motion(PathLaw(problem), Ending.COMPLETED, nodes[:, 0], nodes[:, 1:5], nodes[:, 5:])
 
 
 def _panels(rows: Array, n: int) -> Array:

@@ -98,7 +98,7 @@ class PreciseIntegrator:
         if not motion.completed:
             result.endings[k] = SINGULAR
             return
-        approach = closest_approach(motion, motion.problem.margin.measure)
+        approach = closest_approach(motion, motion.setting.margin.measure)
         result.minimum[k], result.minimum_at[k] = approach.value, approach.time
         result.determinant_ratios[k] = _determinant_ratio(motion)
         if approach.value < stop_below * (1.0 - ROUNDING):
@@ -133,7 +133,7 @@ def _least(motion: Motion, slack: Slack) -> float:
 
 def _determinant_ratio(motion: Motion) -> float:
     """Smallest over largest magnitude of det S* at the nodes; of its volume with more joints."""
-    model, task = motion.problem.model_at(), motion.problem.task
+    model, task = motion.problem.model_at(), motion.setting.task
     S = generalized_jacobian(model, motion.joints[:, : model.dof], task)
     volumes = np.linalg.svd(S, compute_uv=False).prod(axis=1)
     return float(volumes.min() / volumes.max())

@@ -14,7 +14,7 @@ from freefloat.limits.limits import Limits, limits_for, require_applicable
 from freefloat.limits.result import LimitResult, violated
 from freefloat.motion.motion import Motion
 from freefloat.motion.pointing import AttitudeLimits
-from freefloat.motion.problem import Problem
+from freefloat.motion.setting import Setting
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.scene.scene import Scene
 
@@ -25,7 +25,7 @@ def check_limits(motion: Motion, limits: Limits | None = None) -> tuple[LimitRes
     Args:
         motion: Along a path or with prescribed joints, which are compared with their ranges as they
             are; see :func:`freefloat.motion.extrema.unwrapped`.
-        limits: The limits in addition to the joint ranges; those of the problem when left out.
+        limits: The limits in addition to the joint ranges; those of its problem when left out.
 
     Raises:
         InputError: If there are not as many limits as joints.
@@ -40,19 +40,19 @@ def check_limits(motion: Motion, limits: Limits | None = None) -> tuple[LimitRes
         clearance True
     """
     require_type("motion", motion, Motion, "a Motion, such as simulate(...).chosen.motion")
-    limits = limits_for(motion.problem, limits) or Limits()
-    return LimitChecker(motion.problem, limits).results(motion)
+    limits = limits_for(motion.setting, limits) or Limits()
+    return LimitChecker(motion.setting, limits).results(motion)
 
 
-def attitude_limits(problem: Problem, limits: AttitudeLimits) -> tuple[Limit[Any], ...]:
-    """Limits of attitude, prepared for the motions of a problem."""
-    return _prepared([kind for kind in KINDS if kind.of_attitude], problem, limits)
+def attitude_limits(setting: Setting, limits: AttitudeLimits) -> tuple[Limit[Any], ...]:
+    """Limits of attitude, prepared for the motions in a setting."""
+    return _prepared([kind for kind in KINDS if kind.of_attitude], setting, limits)
 
 
 def _prepared(
-    kinds: Iterable[type[Limit[Any]]], problem: Problem, limits: AttitudeLimits
+    kinds: Iterable[type[Limit[Any]]], setting: Setting, limits: AttitudeLimits
 ) -> tuple[Limit[Any], ...]:
-    prepared = (kind.of(problem, limits) for kind in kinds)
+    prepared = (kind.of(setting, limits) for kind in kinds)
     return tuple(limit for limit in prepared if limit is not None)
 
 
@@ -64,15 +64,15 @@ class LimitChecker:
         pairs: The pairs of shapes that keep a clearance; None where there are none.
     """
 
-    def __init__(self, problem: Problem, limits: Limits) -> None:
+    def __init__(self, setting: Setting, limits: Limits) -> None:
         """Prepare the limits; raises as :func:`check_limits`.
 
         Args:
-            problem: The problem of the motions, whatever its duration.
+            setting: Setting of the motions, such as their problem.
             limits: The limits in addition to the joint ranges and the scene's corridor.
         """
-        require_applicable(problem.model, limits)
-        self.limits = _prepared(KINDS, problem, limits)
+        require_applicable(setting.model, limits)
+        self.limits = _prepared(KINDS, setting, limits)
         pairs = (limit.pairs for limit in self.limits if isinstance(limit, ClearanceLimit))
         self.pairs = next((some for some in pairs if len(some.pairs)), None)
 
@@ -148,7 +148,7 @@ def deepest_contact(motion: Motion, results: Iterable[LimitResult] = ()) -> Cont
     """
     if any(entry.limit == ClearanceLimit.name for entry in results):
         return None
-    limit = ClearanceLimit.of_contact(motion.problem)
+    limit = ClearanceLimit.of_contact(motion.setting)
     if limit is None or not len(limit.pairs.pairs):
         return None
     from freefloat.limits.clearance import TOLERANCE, clearance  # coal and trimesh import slowly
@@ -156,7 +156,7 @@ def deepest_contact(motion: Motion, results: Iterable[LimitResult] = ()) -> Cont
     nearest = clearance(motion, limit.pairs, -TOLERANCE)
     if nearest.distance > -TOLERANCE:
         return None
-    s = motion.problem.path.timing.s(nearest.time)
+    s = motion.law.timing.s(nearest.time)
     return Contact(limit.pairs.links(nearest.pair), -nearest.distance, nearest.time, s)
 
 

@@ -235,8 +235,8 @@ def _frame_path_lengths(motion: Motion, scene: Scene, edges: Array) -> Array:
         c = TO_COEFFICIENTS @ values[motion.panel_nodes]
         return np.hstack([_path_lengths(c[:, :, :3], 3), 2.0 * _path_lengths(c[:, :, 3:], 4)])
 
-    problem = motion.problem
-    robot = problem.model.body_poses(motion.attitudes, motion.joints)
+    setting = motion.setting
+    robot = setting.model.body_poses(motion.attitudes, motion.joints)
     frames = [lengths(poses) for poses in robot]
     elapsed = np.abs(motion.evaluate(edges)[0] - motion.times[0])
     placed = scene_poses(motion, motion.times, motion.attitudes, motion.joints)
@@ -244,7 +244,7 @@ def _frame_path_lengths(motion: Motion, scene: Scene, edges: Array) -> Array:
         if body.motion == "target":
             frames.append(lengths(placed[number]))
             continue
-        speed, rate, com = float(np.linalg.norm(problem.path.drift)), 0.0, 0.0
+        speed, rate, com = float(np.linalg.norm(setting.drift)), 0.0, 0.0
         if isinstance(body.motion, Tumbling):
             rate, com = body.motion.largest_rate, float(np.linalg.norm(body.motion.com))
         frames.append(np.outer(elapsed, [speed + rate * com, rate]))

@@ -15,7 +15,7 @@ from freefloat.motion.extrema import Extremum, Function, at_nodes, maximum
 from freefloat.motion.law import Rates
 from freefloat.motion.margin import ROUNDING
 from freefloat.motion.motion import Ending, Motion
-from freefloat.motion.problem import Problem
+from freefloat.motion.setting import Setting
 from freefloat.so3 import Array, IntArray
 
 _DIVERGENCE = 1e3
@@ -77,7 +77,7 @@ def efforts_along(motion: Motion) -> Callable[[IntArray, Array], Forces]:
 
 
 class Limit(ABC, Generic[Bound]):
-    """A limited quantity of motions; an instance is prepared for the motions of a problem.
+    """A limited quantity of motions; an instance is prepared for the motions in a setting.
 
     Attributes:
         name: Attribute of :class:`~freefloat.limits.limits.Limits`, and key of scenario files.
@@ -102,25 +102,25 @@ class Limit(ABC, Generic[Bound]):
     decides_sooner: ClassVar[bool] = False
     accuracy: ClassVar[float] = 1e-9
 
-    def __init__(self, problem: Problem, bound: Bound) -> None:
-        """Prepare the limit for motions of a problem, whatever its duration."""
+    def __init__(self, setting: Setting, bound: Bound) -> None:
+        """Prepare the limit for motions in a setting."""
         self.bound = bound
 
     @classmethod
-    def bound_of(cls, problem: Problem, limits: object) -> Bound | None:
-        """The bound in a problem under some ``Limits``; None where the limit does not apply."""
+    def bound_of(cls, setting: Setting, limits: object) -> Bound | None:
+        """The bound in a setting under some ``Limits``; None where the limit does not apply."""
         bound: Bound | None = getattr(limits, cls.name)
         return bound
 
     @classmethod
-    def of(cls, problem: Problem, limits: object) -> Self | None:
-        """The limit of a problem under some ``Limits``; None where it does not apply."""
-        bound = cls.bound_of(problem, limits)
-        return None if bound is None else cls(problem, bound)
+    def of(cls, setting: Setting, limits: object) -> Self | None:
+        """The limit in a setting under some ``Limits``; None where it does not apply."""
+        bound = cls.bound_of(setting, limits)
+        return None if bound is None else cls(setting, bound)
 
-    def places(self, problem: Problem) -> tuple[str, ...]:
+    def places(self, setting: Setting) -> tuple[str, ...]:
         """What ``where`` of its results may be: joints, unless it is a limit of other things."""
-        return problem.model.joint_names
+        return setting.model.joint_names
 
     @abstractmethod
     def worst(self, motion: Motion) -> LimitResult:
@@ -152,7 +152,7 @@ class JointLimit(Limit[Bound]):
 
     def of_joint(self, motion: Motion, joint: int, **values: Any) -> LimitResult:
         """The result of the joint with a number, with its unit and name."""
-        model = motion.problem.model
+        model = motion.model
         unit = self.prismatic_unit if model.prismatic[joint] else self.unit
         return self.result(where=model.joint_names[joint], unit=unit, **values)
 

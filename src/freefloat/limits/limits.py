@@ -11,7 +11,7 @@ from freefloat.errors import require_type
 from freefloat.limits.kinds import KINDS
 from freefloat.limits.limit import Limit, MagnitudeLimit
 from freefloat.motion.pointing import AttitudeLimits
-from freefloat.motion.problem import Problem
+from freefloat.motion.setting import Setting
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array
 
@@ -130,14 +130,14 @@ def require_applicable(model: FreeFloatingModel, limits: AttitudeLimits) -> None
             kind.value.require_applicable(f"limits.{kind.name}", bound, model)
 
 
-def limits_for(problem: Problem, given: Limits | None) -> Limits | None:
-    """The limits of a problem's motions: those that were given, else those that it carries.
+def limits_for(setting: Setting, given: Limits | None) -> Limits | None:
+    """The limits of motions in a setting: those that were given, else those that it carries.
 
     Raises:
         InputError: If they are not those of the robot's joints and links.
     """
-    limits = problem.limits if given is None else given
+    limits = setting.limits if given is None else given
     if limits is None:
         return None
-    require_applicable(problem.model, limits)
-    return cast(Limits, limits).of_joints(problem.model.dof)
+    require_applicable(setting.model, limits)
+    return cast(Limits, limits).of_joints(setting.model.dof)

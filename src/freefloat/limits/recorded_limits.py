@@ -23,6 +23,7 @@ from freefloat.limits.kinds.joint_jerk import JointJerkLimit
 from freefloat.limits.kinds.joint_torque import JointTorqueLimit
 from freefloat.limits.limit import Limit
 from freefloat.limits.limits import Limits
+from freefloat.motion.law import PathLaw
 from freefloat.motion.motion import Ending, Motion
 from freefloat.motion.panels import DEGREE, TO_COEFFICIENTS
 from freefloat.motion.problem import Problem
@@ -232,7 +233,7 @@ class RecordedLimits:
         if problem.scene.bodies or any(limit.exponent for limit in self.along):
             problem = recorded.disturbed.problem_of(k)
         states = recorded.times, recorded.attitudes[k], recorded.joints[k]
-        motion = Motion(problem, Ending.COMPLETED, *states)
+        motion = Motion(PathLaw(problem), Ending.COMPLETED, *states)
         for column, limit in enumerate(self.along, len(self.names) - len(self.along)):
             result, scale = limit.worst(motion), stretch**-limit.exponent
             values.ratios[k, column] = result.ratio * scale

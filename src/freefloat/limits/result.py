@@ -31,7 +31,7 @@ class LimitResult:
             middle over half its width; of a lower bound allowed over worst.
         at_least: Whether the value must be at least the allowed one, not at most.
         exponent: How the ratio falls with the duration of a motion without momentum, to this power:
-            0 for the shape of a motion, 1 for rates, 2 for torques.
+            0 for the shape of a motion, 1 for rates, 2 for torques, 3 for jerks.
         base_wrench: Numerical error of joint torques: the largest component of the wrench [N, N m]
             that inverse dynamics finds on the free base, where none acts, over the largest torque.
             None for other limits, and where all torques are zero.

@@ -3,108 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 
-from freefloat.dynamics.plane import Plane
-from freefloat.dynamics.tasks import Task, prescribed_rows, required_plane
-from freefloat.errors import InputError, finite_number
+from freefloat.errors import InputError
 from freefloat.ik.branches import ArmBranch, BranchSets, arm_branches, many_arm_branches
 from freefloat.ik.nearest import GIVEN, closest_branches, newton_solutions
 from freefloat.ik.numbering import MAX_BRANCHES
 from freefloat.ik.several_arms import several_arm_branches
-from freefloat.motion.joint_curves import ArmCurves
+from freefloat.motion.setting import Setting
 from freefloat.paths.timed_path import TimedPath
-from freefloat.robot.model import FreeFloatingModel
 from freefloat.rotations import rotation_matrix
-from freefloat.so3 import Array, IntArray, frozen, unit_quaternion
+from freefloat.so3 import Array, IntArray, frozen
 
 _NEAR_BRANCH, _SAME_JOINTS = 0.05, 1e-6
 """Largest differences of joint values from those of a near branch, and of the same [rad, m]."""
 
 
-class BranchesOnPath:
+class BranchesOnPath(Setting):
     """What a :class:`.Problem` knows of the arm configurations on its path."""
 
-    model: FreeFloatingModel
     path: TimedPath
-    task: Task
     start_joints: Array | None
-    arms: ArmCurves
-
-    @property
-    def has_headings(self) -> bool:
-        """Whether the spacecraft turns in a plane: of planar tasks, and on a table."""
-        return self.task.planar or self.model.on_table
-
-    @cached_property
-    def plane(self) -> Plane:
-        """The plane in which the spacecraft turns, common to its frame and the inertial frame.
-
-        Raises:
-            InputError: If the robot does not stay in one.
-        """
-        if self.model.on_table and not self.task.planar:
-            return Plane.of_normal(np.eye(3)[2])
-        return required_plane(self.model, self.task)
-
-    @property
-    def redundant(self) -> bool:
-        """Whether the arms that follow paths have more joints than the task has rows."""
-        return self.model.arm_dof > len(prescribed_rows(self.model, self.task))
-
-    def model_at(self, t: float = 0.0) -> FreeFloatingModel:
-        """The robot with the arms that follow paths, further arms fixed as at a time [s]."""
-        if not self.arms:
-            return self.model
-        if t not in self._chains:
-            self._chains[t] = self._model_at(t)
-        return self._chains[t]
-
-    def _model_at(self, t: float) -> FreeFloatingModel:
-        return self.model.with_arms_at(self.arms.at(t)) if self.arms else self.model
-
-    @cached_property
-    def _chains(self) -> dict[float, FreeFloatingModel]:
-        return {}
-
-    def attitude(
-        self,
-        values: npt.ArrayLike | None = None,
-        *,
-        heading: float | None = None,
-        key: str = "attitude",
-    ) -> Array:
-        """A checked, normalized attitude of the spacecraft.
-
-        Args:
-            values: Quaternion x, y, z, w.
-            heading: For planar tasks and on a table, in its place: the angle about the normal of
-                the plane [rad].
-            key: Named in errors.
-
-        Returns:
-            The unit quaternion, shape (4,).
-
-        Raises:
-            InputError: If it is no unit quaternion or, where the spacecraft turns in a plane, not a
-                rotation about its normal; if both or neither are given, or a heading elsewhere.
-        """
-        plane, accepted = self.plane if self.has_headings else None, "an attitude x, y, z, w"
-        if plane is not None:
-            accepted += f" or a heading about {plane.axis} [rad]"
-        if heading is not None:
-            if values is not None or plane is None:
-                beside = (
-                    f"for the task {self.task}" if values is None else "together with an attitude"
-                )
-                raise InputError("heading", f"it was given {beside}", accepted)
-            return frozen(plane.attitudes(finite_number("heading", heading, "a finite angle")))
-        if values is None:
-            raise InputError(key, "it is missing", accepted)
-        return unit_quaternion(key, values) if plane is None else plane.checked(key, values)
 
     def branches(self, attitude: npt.ArrayLike, t: float = 0.0) -> tuple[ArmBranch, ...]:
         """All arm configurations with the end-effector on the path; see also ``start_joints``.

@@ -289,7 +289,7 @@ def unwrapped(motion: Motion) -> Motion:
     do, by those that leave the smallest excess. Nothing else of the motion changes, nor do joint
     curves of further arms.
     """
-    model, extents = motion.problem.model, joint_extents(motion)
+    model, extents = motion.model, joint_extents(motion)
     shifts = shifts_into_ranges(model, extents.low, extents.high)
     shifts[model.arm_dof :] = 0.0  # joint curves are kept
     return replace(motion, joints=motion.joints + shifts) if shifts.any() else motion

@@ -20,6 +20,7 @@ from freefloat.dynamics.redundancy import SINGULAR_SPEED, SPINNING_SPEED
 from freefloat.dynamics.tasks import Task
 from freefloat.errors import InputError, IntegrationError, finite_number
 from freefloat.motion.extrema import first_crossing
+from freefloat.motion.law import PathLaw
 from freefloat.motion.motion import Ending, Motion
 from freefloat.motion.panels import NODES
 from freefloat.motion.problem import Prescription, Problem, require_problem
@@ -99,7 +100,7 @@ def motion_from(problem: Problem, node: Array, end: float, tolerance: float) -> 
     """
     rows, ending = _integrate(problem, ArcFlow(problem), node, end, tolerance)
     rows[:, 5 + problem.model.arm_dof :] = problem.arms.at(rows[:, 0])
-    motion = Motion(problem, ending, rows[:, 0], rows[:, 1:5], rows[:, 5:])
+    motion = Motion(PathLaw(problem), ending, rows[:, 0], rows[:, 1:5], rows[:, 5:])
     if problem.redundant:
         return motion
     determinant = partial(generalized_determinant, problem.model, task=problem.task)

@@ -172,6 +172,11 @@ class ArmCurves:
 
     curves: Mapping[str, ArmCurve] = field(default_factory=dict)
 
+    @classmethod
+    def at_rest(cls, joints: Mapping[str, Array], duration: float) -> ArmCurves:
+        """The curves of arms that rest at joint values for a duration [s]."""
+        return cls({name: ArmCurve.evenly([q, q], duration) for name, q in joints.items()})
+
     def __post_init__(self) -> None:
         accepted = "a map from the name of an arm to an ArmCurve"
         require_type("arms", self.curves, Mapping, accepted)

@@ -7,10 +7,9 @@ from numpy.polynomial import chebyshev
 
 from freefloat.dynamics.momentum import conserved_inertias
 from freefloat.errors import IntegrationError
-from freefloat.motion.joint_curves import JointSpline
+from freefloat.motion.law import JointLaw
 from freefloat.motion.motion import Ending, Motion
 from freefloat.motion.panels import DEGREE, NODES
-from freefloat.motion.problem import Problem
 from freefloat.rotations import Rotation
 from freefloat.so3 import Array, frozen, turned
 
@@ -32,30 +31,29 @@ for _k in range(3):
 _CONVERGED, _ITERATIONS = 1e-14, 100
 
 
-def integrate_spline(problem: Problem, spline: JointSpline, attitude: Array) -> Motion:
-    """The motion of spacecraft and arm along a spline, with the momentum of the problem.
+def integrate_spline(law: JointLaw, attitude: Array) -> Motion:
+    """The motion of spacecraft and arm with prescribed joints.
 
     Quaternions are polynomials in each panel that satisfy (8c) at its points (collocation), found
     by Picard's iteration; what depends on the joints alone is computed for all points at once.
 
     Args:
-        problem: Robot and momentum; the joints have the timing of its path, which itself is not
-            followed.
-        spline: The joints.
+        law: Robot, momentum and joints.
         attitude: Attitude of the spacecraft at the start, unit quaternion x, y, z, w.
 
     Raises:
         IntegrationError: If the spacecraft turns too fast for the panels.
     """
-    problem.model.require_one_arm("joint motions")
-    timing, system, panels = problem.path.timing, problem.system, _PANELS * spline.spans
-    half = problem.path.duration / panels / 2.0
+    law.setting.model.require_one_arm("joint motions")
+    timing, system, spline = law.timing, law.setting.system, law.curve
+    panels = _PANELS * spline.spans
+    half = law.duration / panels / 2.0
     times = (half * (2.0 * np.arange(panels)[:, None] + _POINTS + 1.0)).ravel()
-    times[-1] = problem.path.duration  # without rounding
+    times[-1] = law.duration  # without rounding
     s, speed = timing.s(times), timing.s(times, 1)
     joints = spline.at(s)
     rates, momentum = spline.at(s, 1) * speed[:, None], np.array(system.momentum, dtype=float)
-    D, Dq = conserved_inertias(problem.model, joints)
+    D, Dq = conserved_inertias(system.model, joints)
     inverse_D = np.asarray(np.linalg.inv(D), dtype=float)
     own = -turned(inverse_D, turned(Dq, rates) + system.wheels)
     quaternions, last = [], attitude
@@ -70,7 +68,7 @@ def integrate_spline(problem: Problem, spline: JointSpline, attitude: Array) -> 
     rows = np.vstack([*quaternions, last])
     attitudes = rows / np.linalg.norm(rows, axis=1, keepdims=True)
     nodes = np.append(np.arange(len(s)).reshape(panels, -1)[:, :-1:2].ravel(), len(s) - 1)
-    return Motion(problem, Ending.COMPLETED, times[nodes], attitudes, joints[nodes], spline)
+    return Motion(law, Ending.COMPLETED, times[nodes], attitudes, joints[nodes])
 
 
 def _attitudes(
@@ -99,8 +97,8 @@ def _attitudes(
     return None
 
 
-def node_times(problem: Problem, spline: JointSpline) -> Array:
-    """Times of the nodes of the motion along a spline in the duration of a problem's path [s]."""
-    panels = _PANELS * spline.spans
+def node_times(law: JointLaw) -> Array:
+    """Times of the nodes of a motion with prescribed joints [s]."""
+    panels = _PANELS * law.curve.spans
     inner = (np.arange(panels)[:, None] + (NODES[:DEGREE] + 1.0) / 2.0) / panels
-    return np.asarray(problem.path.duration * np.append(inner.ravel(), 1.0))
+    return np.asarray(law.duration * np.append(inner.ravel(), 1.0))

@@ -1,20 +1,28 @@
 """Laws of motion: what moves the arm, a path of the end-effector or prescribed joints.
 
 The conservation of momentum adds the motion of the spacecraft. Limits, forces, states that are
-handed on, exports and checks ask the law of a motion.
+handed on, exports and checks ask the law of a motion. A law serves one thread.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, NamedTuple, Protocol, TypeAlias
+from typing import Any, ClassVar, NamedTuple, Self, TypeAlias
 
 import numpy as np
 
 from freefloat.dynamics.inverse_dynamics import Forces, InverseDynamics
+from freefloat.dynamics.resolved_rates import ResolvedRateSolver
 from freefloat.dynamics.tasks import Task
-from freefloat.motion.joint_curves import JointSpline
+from freefloat.errors import InputError
+from freefloat.motion.joint_curves import ArmCurves, JointSpline
 from freefloat.motion.problem import Problem
+from freefloat.motion.setting import JointSetting, Setting
+from freefloat.paths.time_laws import TimeLaw
+from freefloat.paths.timing import Timing
+from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array, IntArray, Pose, rotated_in_body
 
 _DIFFERENCES = np.array([1.0, 2.0, -1.0, -2.0])
@@ -39,68 +47,78 @@ class Rates(NamedTuple):
     joints: Array
 
 
-class Law(Protocol):
-    """What moves the arm.
-
-    Functions of a state take its time [s], the attitude of the spacecraft, a unit quaternion x, y,
-    z, w, the joints (n,), and the segment of the time law, see
-    :meth:`freefloat.paths.timing.Timing.s`; or K of each.
-    """
-
-    @property
-    def duration(self) -> float:
-        """Of a whole motion [s]."""
-        ...
-
-    def rates(self, t: Times, attitude: Array, joints: Array, segment: Segments = None) -> Rates:
-        """The rates at a state; infinite where the arm is exactly singular."""
-        ...
-
-    def effort(self, t: Times, attitude: Array, joints: Array, segment: Segments = None) -> Forces:
-        """Rates, accelerations and forces at a state; all NaN where the arm is exactly singular."""
-        ...
-
-    def target(self, t: Times, attitude: Array, joints: Array) -> Pose:
-        """Pose of the end-effector from the centre of mass, inertial axes.
-
-        Along a path it is the one that the path prescribes. Bodies of the scene may move with it.
-        """
-        ...
-
-
+@dataclass(frozen=True, eq=False)
 class PathLaw:
     """The end-effector follows the path of a problem: rates solve equation (4).
 
     Accelerations solve its time derivative. The joint rates of a redundant arm, and those of the
     task ``pointing``, are differentiated along the motion by central differences of fourth order,
     which holds for every redundancy resolution.
+
+    Functions of a state take its time [s], the attitude of the spacecraft, a unit quaternion x, y,
+    z, w, the joints (n,), and the segment of the time law, see
+    :meth:`freefloat.paths.timing.Timing.s`; or K of each.
+
+    Attributes:
+        problem: Robot, path and momentum.
+        follows_path: Whether the end-effector follows a path, and joints are not prescribed.
+        followed: Sentence on a motion that was completed.
     """
 
-    def __init__(self, problem: Problem) -> None:
-        self._problem = problem
-        self._solver = problem.resolved_rate_solver()
+    follows_path: ClassVar[bool] = True
+    followed: ClassVar[str] = "The whole path was followed."
+
+    problem: Problem = field(repr=False)
 
     @property
-    def duration(self) -> float:
-        """See :class:`Law`."""
-        return self._problem.path.duration
+    def setting(self) -> Setting:
+        """Robot, momentum and scene: the problem."""
+        return self.problem
+
+    @property
+    def timing(self) -> Timing:
+        """The path parameter s by time."""
+        return self.problem.path.timing
+
+    @cached_property
+    def _solver(self) -> ResolvedRateSolver:
+        return self.problem.resolved_rate_solver()
 
     def rates(self, t: Times, attitude: Array, joints: Array, segment: Segments = None) -> Rates:
-        """See :class:`Law`."""
-        prescribed = self._problem.prescribed(t, segment)
+        """The rates at a state; infinite where the arm is exactly singular."""
+        prescribed = self.problem.prescribed(t, segment)
         return Rates(*self._solver.rates(attitude, joints, *prescribed))
 
     def effort(self, t: Times, attitude: Array, joints: Array, segment: Segments = None) -> Forces:
-        """See :class:`Law`."""
-        path = self._problem.path
+        """Rates, accelerations and forces at a state; all NaN where the arm is exactly singular."""
+        path = self.problem.path
         prescribed = path.twist_and_speed(t, segment)
         change = path.twist_rate(t, segment), path.timing.s(t, 2, segment)
-        further = self._problem.arms.at(t, 1), self._problem.arms.at(t, 2)
+        further = self.problem.arms.at(t, 1), self.problem.arms.at(t, 2)
         return self.effort_of(attitude, joints, prescribed, change, further)
 
     def target(self, t: Times, attitude: Array, joints: Array) -> Pose:
-        """See :class:`Law`."""
-        return self._problem.path.pose(t)
+        """Prescribed pose of the end-effector from the centre of mass, inertial axes.
+
+        Bodies of the scene may move with it.
+        """
+        return self.problem.path.pose(t)
+
+    def ways(self, actual: Pose) -> dict[str, Pose]:
+        """K poses along the way of each end-effector by its arm, the first without a name.
+
+        Args:
+            actual: K poses of the end-effector along a motion.
+        """
+        path, s = self.problem.path, np.linspace(0.0, 1.0, len(actual.position))
+        return {
+            name: own.pose_at(s) for name, own in zip(("", *path.arms), path.every, strict=True)
+        }
+
+    def with_arms_at_rest(self, model: FreeFloatingModel, joints: Mapping[str, Array]) -> Self:
+        """The law of a robot whose further arms rest at joints (m,), by their names."""
+        arms = ArmCurves.at_rest(joints, self.problem.path.duration)
+        return replace(self, problem=self.problem.replace(model=model, arms=arms))
 
     def effort_of(
         self,
@@ -117,7 +135,7 @@ class PathLaw:
         twist, speed = prescribed
         arm_rates, arm_accelerations = further or (None, joints[..., :0])
         solved = self._solver.rates(attitude, joints, twist, speed, arm_rates)
-        problem, rates = self._problem, np.concatenate(solved, axis=-1)
+        problem, rates = self.problem, np.concatenate(solved, axis=-1)
         if not problem.redundant and problem.task is not Task.POINTING:
             return self._dynamics.of_end_effector(
                 attitude, joints, rates, change[0], problem.task, arm_accelerations
@@ -133,7 +151,7 @@ class PathLaw:
 
     @cached_property
     def _dynamics(self) -> InverseDynamics:
-        return InverseDynamics(self._problem.system)
+        return InverseDynamics(self.problem.system)
 
     def _differentiated(
         self, attitude: Array, joints: Array, rates: Array, prescribed: Array, change: Array
@@ -148,9 +166,9 @@ class PathLaw:
                 further arms on joint curves.
             change: Its time derivative.
         """
-        still = _EXCURSION / self._problem.path.duration
+        still = _EXCURSION / self.problem.path.duration
         step = _EXCURSION / np.maximum(np.abs(rates).max(axis=-1, keepdims=True), still)
-        end = 6 * len(self._problem.model.end_effector_links)
+        end = 6 * len(self.problem.model.end_effector_links)
         states = joints + np.multiply.outer(_DIFFERENCES, step * rates[..., 3:])
         turns = np.multiply.outer(_DIFFERENCES, step * rates[..., :3]).reshape(-1, 3)
         attitudes = np.broadcast_to(attitude, (*states.shape[:-1], 4)).reshape(-1, 4)
@@ -163,44 +181,64 @@ class PathLaw:
         return np.asarray(np.tensordot(_WEIGHTS, solved.reshape(states.shape), 1) / step)
 
 
+@dataclass(frozen=True, eq=False)
 class JointLaw:
-    """The joints are prescribed, whatever the path of the end-effector.
+    """The joints are prescribed, and no path of the end-effector.
 
     The joints of a state are those of the curve at its time.
+
+    Attributes:
+        setting: Robot, momentum and scene.
+        curve: The joints by s, which is proportional to time.
+        duration: Duration of the motion [s].
     """
 
-    def __init__(self, problem: Problem, curve: JointSpline) -> None:
-        """Prepare a motion.
+    follows_path: ClassVar[bool] = False
+    followed: ClassVar[str] = "The whole joint curve was followed."
 
-        Args:
-            problem: Robot and momentum; the curve has the timing of its path.
-            curve: The joints.
-        """
-        self._problem, self._curve, self._timing = problem, curve, problem.path.timing
+    setting: JointSetting = field(repr=False)
+    curve: JointSpline = field(repr=False)
+    duration: float
 
     @property
-    def duration(self) -> float:
-        """See :class:`Law`."""
-        return self._problem.path.duration
+    def problem(self) -> Problem:
+        """See :class:`PathLaw`."""
+        raise InputError("motion", "its joints are prescribed", "a motion along a path")
+
+    @cached_property
+    def timing(self) -> Timing:
+        """See :class:`PathLaw`."""
+        return Timing(self.duration, TimeLaw.UNIFORM)
 
     def rates(self, t: Times, attitude: Array, joints: Array, segment: Segments = None) -> Rates:
-        """See :class:`Law`."""
-        s, speed = (self._timing.s(t, order, segment) for order in range(2))
-        rates = self._curve.at(s, 1) * speed[..., None]
-        return Rates(self._problem.system.base_rate(attitude, self._curve.at(s), rates), rates)
+        """See :class:`PathLaw`."""
+        s, speed = (self.timing.s(t, order, segment) for order in range(2))
+        rates = self.curve.at(s, 1) * speed[..., None]
+        return Rates(self.setting.system.base_rate(attitude, self.curve.at(s), rates), rates)
 
     def effort(self, t: Times, attitude: Array, joints: Array, segment: Segments = None) -> Forces:
-        """See :class:`Law`."""
-        s, speed, change = (self._timing.s(t, order, segment) for order in range(3))
-        q, slope, bend = (self._curve.at(s, order) for order in range(3))
+        """See :class:`PathLaw`."""
+        s, speed, change = (self.timing.s(t, order, segment) for order in range(3))
+        q, slope, bend = (self.curve.at(s, order) for order in range(3))
         accelerations = bend * speed[..., None] ** 2 + slope * change[..., None]
         rates = np.concatenate(self.rates(t, attitude, joints, segment), axis=-1)
         return self._dynamics.of_joints(attitude, q, rates, accelerations)
 
     def target(self, t: Times, attitude: Array, joints: Array) -> Pose:
-        """See :class:`Law`."""
-        return self._problem.model.end_effector_pose(attitude, joints)
+        """See :class:`PathLaw`."""
+        return self.setting.model.end_effector_pose(attitude, joints)
+
+    def ways(self, actual: Pose) -> dict[str, Pose]:
+        """See :class:`PathLaw`."""
+        return {"": actual}
+
+    def with_arms_at_rest(self, model: FreeFloatingModel, joints: Mapping[str, Array]) -> Self:
+        """See :class:`PathLaw`."""
+        setting = self.setting.replace(model=model, arms=ArmCurves.at_rest(joints, self.duration))
+        points = self.curve.control_points
+        resting = np.tile(np.concatenate([*joints.values()]), (len(points), 1))
+        return replace(self, setting=setting, curve=JointSpline(np.hstack([points, resting])))
 
     @cached_property
     def _dynamics(self) -> InverseDynamics:
-        return InverseDynamics(self._problem.system)
+        return InverseDynamics(self.setting.system)

@@ -18,20 +18,20 @@ from numpy.polynomial import chebyshev
 
 from freefloat.dynamics.inverse_dynamics import Forces
 from freefloat.errors import InputError
-from freefloat.motion.joint_curves import JointSpline
-from freefloat.motion.law import JointLaw, Law, PathLaw
-from freefloat.motion.panels import DEGREE, NODES, TO_COEFFICIENTS, parameters_at
+from freefloat.motion.law import JointLaw, PathLaw
+from freefloat.motion.panels import (
+    DEGREE,
+    NODES,
+    TO_COEFFICIENTS,
+    parameters_at,
+    require_nodes,
+)
 from freefloat.motion.problem import Problem
 from freefloat.motion.residuals import Residuals, momentum_errors, path_errors
+from freefloat.motion.setting import Setting
 from freefloat.records import Joints, Quaternions, Times, derived
-from freefloat.so3 import Array, IntArray, frozen
-
-_LARGEST = 1e12
-"""Largest number in a motion."""
-_NORM_ERROR = 1e-9
-"""Deviation of the norm of a quaternion from 1."""
-_BACKWARD = 1e-6
-"""Largest step back in time over the duration, of motions that graze a singularity."""
+from freefloat.robot.model import FreeFloatingModel
+from freefloat.so3 import Array, IntArray, Pose, frozen
 
 
 class Ending(Enum):
@@ -70,58 +70,42 @@ class Motion:
     Panel k holds the nodes 8 k to 8 k + 8; neighbours share a node.
 
     Attributes:
-        problem: Robot, path and momentum.
+        law: What moves the arm: the path of a problem, or prescribed joints.
         ending: How it ended.
         times: Times of the nodes [s], shape (N,); falling for a motion integrated backward.
         attitudes: Attitudes of the spacecraft, unit quaternions x, y, z, w, shape (N, 4).
         joints: Joint values [rad or m], shape (N, n).
-        curve: The joints by s where they are prescribed; None where the path of the problem is
-            followed.
 
     Raises:
         InputError: If these are not the nodes of whole panels, with finite numbers, unit
             quaternions of which neighbours are near, and times that rise or fall.
     """
 
-    problem: Problem = field(repr=False)
+    law: PathLaw | JointLaw = field(repr=False)
     ending: Ending
     times: Times = field(repr=False)
     attitudes: Quaternions = field(repr=False)
     joints: Joints = field(repr=False)
-    curve: JointSpline | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         for name in ("times", "attitudes", "joints"):
             object.__setattr__(self, name, frozen(getattr(self, name)))
-        self._require_nodes()
-
-    def _require_nodes(self) -> None:
-        times, attitudes, joints = self.times, self.attitudes, self.joints
-        shapes, count = (times.shape, attitudes.shape, joints.shape), times.size
-        accepted = (count,), (count, 4), (count, self.problem.model.dof)
-        if shapes != accepted or count % DEGREE != 1:
-            raise InputError("motion", f"shapes {shapes} were given", "8 k + 1 nodes of its robot")
-        if not all((np.abs(values) <= _LARGEST).all() for values in (times, attitudes, joints)):
-            accepted_numbers = "finite numbers up to 1e12"
-            raise InputError("motion", "it has numbers that are not finite", accepted_numbers)
-        norms = np.linalg.norm(attitudes, axis=1)
-        k = int(np.abs(norms - 1.0).argmax())
-        if abs(norms[k] - 1.0) > _NORM_ERROR:
-            problem = f"node {k} has the norm {norms[k]:.12g}"
-            raise InputError("motion.attitudes", problem, "unit quaternions")
-        if ((attitudes[1:] * attitudes[:-1]).sum(axis=1) < 0.0).any():
-            problem = "neighbours have opposite signs"
-            raise InputError("motion.attitudes", problem, "unit quaternions, neighbours near")
-        steps, slack = np.diff(times), _BACKWARD * float(np.ptp(times))
-        if not ((steps >= -slack).all() or (steps <= slack).all()):
-            raise InputError("motion.times", "they rise and fall", "times that rise, or fall")
+        require_nodes(self.times, self.attitudes, self.joints, self.model.dof)
 
     @property
-    def law(self) -> Law:
-        """What moves the arm, prepared anew: one law serves one thread."""
-        if self.curve is None:
-            return PathLaw(self.problem)
-        return JointLaw(self.problem, self.curve)
+    def setting(self) -> Setting:
+        """Robot, momentum and scene."""
+        return self.law.setting
+
+    @property
+    def problem(self) -> Problem:
+        """The problem whose path is followed; an InputError where joints are prescribed."""
+        return self.law.problem
+
+    @property
+    def model(self) -> FreeFloatingModel:
+        """The robot."""
+        return self.law.setting.model
 
     @property
     def panels(self) -> int:
@@ -143,14 +127,12 @@ class Motion:
     @property
     def outcome(self) -> str:
         """How it ended, in a sentence."""
-        if self.completed and self.curve is not None:
-            return "The whole joint curve was followed."
-        return self.ending.value
+        return self.law.followed if self.completed else self.ending.value
 
     @derived
     def base_positions(self) -> Annotated[Array, "m"]:
         """Root link relative to the centre of mass, at the nodes [m], shape (N, 3)."""
-        return frozen(self.problem.model.base_position(self.attitudes, self.joints))
+        return frozen(self.model.base_position(self.attitudes, self.joints))
 
     @property
     def initial(self) -> State:
@@ -213,7 +195,7 @@ class Motion:
     def timing_segment(self, panel: IntArray) -> IntArray:
         """Numbers of the segments of the time law that hold in panels."""
         first, last = self.times[DEGREE * panel], self.times[DEGREE * (panel + 1)]
-        return np.asarray(self.problem.path.timing.segment_at((first + last) / 2.0))
+        return np.asarray(self.law.timing.segment_at((first + last) / 2.0))
 
     def evaluate(self, u: npt.ArrayLike) -> tuple[Array, Array, Array]:
         """Evaluate the motion by panel coordinate.
@@ -265,9 +247,21 @@ class Motion:
         """
         times = np.atleast_1d(np.asarray(times, dtype=float))
         _, attitudes, joints = self.evaluate(self.coordinates_at(times))
-        positions = self.problem.model.base_position(attitudes, joints)
+        positions = self.model.base_position(attitudes, joints)
         states = zip(times.tolist(), attitudes, joints, positions, strict=True)
         return tuple(State(t, *map(frozen, vectors)) for t, *vectors in states)
+
+    def ways(self, count: int) -> dict[str, Pose]:
+        """Poses along the path of each end-effector, or along its way without a path.
+
+        Args:
+            count: Number of poses.
+
+        Returns:
+            The poses by the name of the arm, empty for the first one.
+        """
+        _, attitudes, joints = self.evaluate(np.linspace(0.0, self.panels, count))
+        return self.law.ways(self.model.end_effector_pose(attitudes, joints))
 
     def cut(self, u: float, ending: Ending) -> Motion:
         """The motion up to a panel coordinate, ending there."""
@@ -277,15 +271,13 @@ class Motion:
         t, a, q = self.evaluate(whole + (u - whole) * (last + 1.0) / 2.0)
         nodes = (self.times, t), (self.attitudes, a), (self.joints, q)
         times, attitudes, joints = (np.concatenate([x[before], y]) for x, y in nodes)
-        return Motion(self.problem, ending, times, attitudes, joints, self.curve)
+        return Motion(self.law, ending, times, attitudes, joints)
 
     def residuals(self) -> Residuals:
         """Largest distance from the path and deviation of the momentum."""
         position, orientation = np.max(self.end_effector_errors, axis=0)
         panel = np.repeat(np.arange(self.panels), DEGREE + 1)
-        momentum = momentum_errors(
-            self.problem, self._panel_states, panel, np.tile(NODES, self.panels)
-        )
+        momentum = self._momentum_errors(panel, np.tile(NODES, self.panels))
         return Residuals(
             float(position),
             float(orientation) if self.problem.task.prescribes_orientation else None,
@@ -318,4 +310,8 @@ class Motion:
         """
         if not self.panels:
             return np.full(np.size(u), np.nan)
-        return momentum_errors(self.problem, self._panel_states, *self._located(u))
+        return self._momentum_errors(*self._located(u))
+
+    def _momentum_errors(self, panel: IntArray, x: Array) -> Array:
+        system, duration = self.setting.system, self.law.timing.duration
+        return momentum_errors(system, duration, self._panel_states, panel, x)

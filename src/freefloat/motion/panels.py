@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.polynomial import chebyshev
 
+from freefloat.errors import InputError
 from freefloat.so3 import Array, IntArray, frozen
 
 DEGREE = 8
@@ -22,6 +23,12 @@ _SLOPES_AT_NODES = frozen(chebyshev.chebvander(NODES, DEGREE - 1))
 """Maps Chebyshev coefficients of a derivative to its values at the nodes, shape (9, 8)."""
 _NEARLY_STILL = 1e-2
 """Fraction of a panel's largest pace of time below which there are no rates by time."""
+_LARGEST = 1e12
+"""Largest number in a motion."""
+_NORM_ERROR = 1e-9
+"""Deviation of the norm of a quaternion from 1."""
+_BACKWARD = 1e-6
+"""Largest step back in time over the duration, of motions that graze a singularity."""
 _NEWTON_STEPS, _LAST_STEP = 60, 1e-12
 """Most steps of Newton's method, and the largest last one."""
 
@@ -71,3 +78,27 @@ def parameters_at(c: Array, values: Array) -> Array:
         if small.all():
             break
     return x
+
+
+def require_nodes(times: Array, attitudes: Array, joints: Array, dof: int) -> None:
+    """Raise an InputError unless arrays are the nodes of whole panels of a robot.
+
+    They must have finite numbers, unit quaternions of which neighbours are near, and times that
+    rise or fall.
+    """
+    shapes, count = (times.shape, attitudes.shape, joints.shape), times.size
+    if shapes != ((count,), (count, 4), (count, dof)) or count % DEGREE != 1:
+        raise InputError("motion", f"shapes {shapes} were given", "8 k + 1 nodes of its robot")
+    if not all((np.abs(values) <= _LARGEST).all() for values in (times, attitudes, joints)):
+        raise InputError("motion", "it has numbers that are not finite", "finite ones up to 1e12")
+    norms = np.linalg.norm(attitudes, axis=1)
+    k = int(np.abs(norms - 1.0).argmax())
+    if abs(norms[k] - 1.0) > _NORM_ERROR:
+        problem = f"node {k} has the norm {norms[k]:.12g}"
+        raise InputError("motion.attitudes", problem, "unit quaternions")
+    if ((attitudes[1:] * attitudes[:-1]).sum(axis=1) < 0.0).any():
+        problem = "neighbours have opposite signs"
+        raise InputError("motion.attitudes", problem, "unit quaternions, neighbours near")
+    steps, slack = np.diff(times), _BACKWARD * float(np.ptp(times))
+    if not ((steps >= -slack).all() or (steps <= slack).all()):
+        raise InputError("motion.times", "they rise and fall", "times that rise, or fall")

@@ -11,12 +11,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from freefloat.dynamics.measures import singularity_measure
 from freefloat.dynamics.redundancy import Redundancy
 from freefloat.dynamics.resolved_rates import ResolvedRateSolver
 from freefloat.dynamics.system import System
 from freefloat.dynamics.tasks import Task, require_task
-from freefloat.dynamics.virtual_manipulator import reach_bound
 from freefloat.errors import InputError, require_type
 from freefloat.motion.branches_on_path import BranchesOnPath
 from freefloat.motion.joint_curves import ArmCurve, ArmCurves
@@ -94,6 +92,7 @@ class Problem(BranchesOnPath):
     wheel_momentum: Array = field(repr=False)
     arms: ArmCurves = field(repr=False)
     limits: AttitudeLimits | None = field(repr=False)
+    drift: Array = field(init=False, repr=False)
 
     def __init__(
         self,
@@ -130,7 +129,7 @@ class Problem(BranchesOnPath):
             "scene": Scene() if scene is None else scene,
             "wheel_momentum": zeros() if wheel_momentum is None else wheel_momentum,
             "arms": arms if isinstance(arms, ArmCurves) else ArmCurves(arms or {}),
-            "limits": limits,
+            "limits": limits, "drift": timed.drift,
         }  # fmt: skip
         for name, value in values.items():
             object.__setattr__(self, name, value)
@@ -177,16 +176,6 @@ class Problem(BranchesOnPath):
                     "EndEffectorPath(curve, FixedOrientation(axes)), or another law",
                 )
 
-    @cached_property
-    def system(self) -> System:
-        """The robot with its momentum, wheels and drift."""
-        return System(self.model, self.momentum, self.wheel_momentum, self.path.drift)
-
-    @property
-    def arm_joints(self) -> slice:
-        """The joints of the arms that follow paths, the first of all."""
-        return slice(self.model.arm_dof)
-
     @property
     def depends_on_timing(self) -> bool:
         """Whether the motion is another one at another speed.
@@ -199,22 +188,6 @@ class Problem(BranchesOnPath):
     def stretched(self, factor: float) -> Problem:
         """The same problem, all times of its path and its joint curves multiplied by a factor."""
         return replace(self, path=self.path.stretched(factor), arms=self.arms.stretched(factor))
-
-    def replace(self, **changes: Any) -> Problem:
-        """The same problem with other attributes, checked again.
-
-        With another model or task, the margin has the measure of these, unless it is given.
-
-        Example:
-            >>> problem = ff.load_scenario("planar_2dof/line").problem()
-            >>> problem.replace(momentum=[0.0, 0.0, 0.1]).momentum
-            array([0. , 0. , 0.1])
-        """
-        model, task = changes.get("model", self.model), changes.get("task", self.task)
-        if "margin" not in changes and (model is not self.model or task != self.task):
-            measure = singularity_measure(model, task, self.margin.measure.name)
-            changes["margin"] = Margin(measure, self.margin.threshold)
-        return replace(self, **changes)
 
     def with_system(self, system: System) -> Problem:
         """The same problem for another system, whose drift its path has, checked again."""
@@ -230,13 +203,6 @@ class Problem(BranchesOnPath):
         chain, limits = self.model_at(t), self.limits
         limits = limits and limits.of_joints(chain.dof)
         return self.replace(model=chain, arms=ArmCurves(), limits=limits)
-
-    def reach(self, t: float = 0.0) -> float:
-        """Upper bound of the distance from the centre of mass to the end-effector [m].
-
-        Further arms on joint curves are as at a time [s].
-        """
-        return reach_bound(self._model_at(t))
 
     @cached_property
     def breaks(self) -> Array:

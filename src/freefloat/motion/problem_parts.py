@@ -114,11 +114,16 @@ def require_planar_vectors(key: str, plane: Plane, vectors: Array, *, along: boo
     raise InputError(key, problem, accepted)
 
 
-def require_planar(plane: Plane, system: System, path: TimedPath, task: Task) -> None:
-    """Raise an InputError unless the momenta and a path of a planar robot stay in its plane."""
+def require_planar_system(plane: Plane, system: System) -> None:
+    """Raise an InputError unless momenta and drift of a planar robot keep it in its plane."""
     require_planar_vectors("momentum", plane, system.momentum, along=True)
     require_planar_vectors("wheels.momentum", plane, system.wheels, along=True)
     require_planar_vectors("drift", plane, system.drift, along=False)
+
+
+def require_planar(plane: Plane, system: System, path: TimedPath, task: Task) -> None:
+    """Raise an InputError unless a planar robot and its path stay in its plane."""
+    require_planar_system(plane, system)
     arms = [VirtualManipulator.of(arm) for arm in system.model.single_arms]
     keys = ["path", *(f"robot.arms.{name}.law.path" for name in path.arms)]
     for key, arm, own in zip(keys, arms, path.every, strict=True):

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from freefloat.dynamics.momentum import momentum_map
+from freefloat.dynamics.system import System
 from freefloat.dynamics.tasks import Task
 from freefloat.motion.panels import TO_COEFFICIENTS, with_slopes
 from freefloat.motion.problem import Problem
@@ -93,27 +94,30 @@ def _pose_errors(problem: Problem, poses: Pose, path: Pose) -> Array:
     return np.column_stack([np.linalg.norm(errors[:, part], axis=1) for part in (linear, angular)])
 
 
-def momentum_errors(problem: Problem, states: Array, panel: IntArray, x: Array) -> Array:
+def momentum_errors(
+    system: System, duration: float, states: Array, panel: IntArray, x: Array
+) -> Array:
     """Deviations of the angular momentum from the prescribed one.
 
     Args:
-        problem: Robot and momentum.
+        system: Robot and momentum.
+        duration: Duration of the whole motion [s].
         states: Time, attitude, joints and base position at the nodes of panels, shape
             (panels, 9, 8 + n).
         panel: Panels of K points.
         x: Their parameters, shape (K,).
     """
     scale = np.ones(states.shape[2] - 3)
-    scale[0] = problem.path.duration
+    scale[0] = duration
     resolved = (np.ptp(states[:, :, :-3], axis=1) / scale).max(axis=1) >= _UNRESOLVED
     errors = np.full(len(x), np.nan)
     points = np.flatnonzero(resolved[panel])
     moving, values, rates = with_slopes(TO_COEFFICIENTS @ states, panel[points], x[points])
-    errors[points[moving]] = _momentum_errors(problem, values, rates)
+    errors[points[moving]] = _momentum_errors(system, values, rates)
     return errors
 
 
-def _momentum_errors(problem: Problem, values: Array, rates: Array) -> Array:
+def _momentum_errors(system: System, values: Array, rates: Array) -> Array:
     """Deviations (K,) from (time, attitude, joints, base position) and their derivatives by time.
 
     Both have the shape (K, 8 + n).
@@ -125,6 +129,6 @@ def _momentum_errors(problem: Problem, values: Array, rates: Array) -> Array:
     omega = 2.0 * (w * changes[:, :3] - changes[:, 3:] * x - np.cross(x, changes[:, :3]))
     base = np.einsum("kij,ki->kj", rotation_matrix(attitudes), rates[:, -3:])
     v = np.column_stack([base, omega, rates[:, 5:-3]])
-    momentum = turned(momentum_map(problem.model, values[:, 5:-3], attitudes)[:, 3:], v)
-    errors = momentum - problem.system.body_momentum(attitudes)
-    return np.asarray(np.linalg.norm(errors[:, 2 if problem.model.on_table else 0 :], axis=1))
+    momentum = turned(momentum_map(system.model, values[:, 5:-3], attitudes)[:, 3:], v)
+    errors = momentum - system.body_momentum(attitudes)
+    return np.asarray(np.linalg.norm(errors[:, 2 if system.model.on_table else 0 :], axis=1))

@@ -18,17 +18,21 @@ def scene_poses(
         attitude: Of the spacecraft, unit quaternion x, y, z, w, shape (4,) or (K, 4).
         joints: Joint values, shape (n,) or (K, n).
     """
-    scene, path = motion.problem.scene, motion.problem.path
-    return scene.poses(t, path, _hand(motion, t, attitude, joints) if scene.follows else None)
+    setting = motion.setting
+    return setting.scene.poses(t, setting, _hand(motion, t, attitude, joints))
 
 
 def corridor_pose(motion: Motion, t: float | Array, attitude: Array, joints: Array) -> Pose:
     """The frame of the corridor; arguments are those of :func:`scene_poses`."""
-    scene, path = motion.problem.scene, motion.problem.path
-    hand = _hand(motion, t, attitude, joints) if scene.follows else None
-    return scene.corridor_pose(t, path, hand)
+    setting = motion.setting
+    return setting.scene.corridor_pose(t, setting, _hand(motion, t, attitude, joints))
 
 
-def _hand(motion: Motion, t: float | Array, attitude: Array, joints: Array) -> EndEffectorPoses:
-    actual = motion.problem.model.end_effector_pose(attitude, joints)
+def _hand(
+    motion: Motion, t: float | Array, attitude: Array, joints: Array
+) -> EndEffectorPoses | None:
+    """Poses of the end-effector, where bodies move with it."""
+    if not motion.setting.scene.follows:
+        return None
+    actual = motion.model.end_effector_pose(attitude, joints)
     return EndEffectorPoses(motion.law.target(t, attitude, joints), actual)

@@ -14,7 +14,6 @@ import scipy
 from freefloat.errors import finite_vector, require_type
 from freefloat.paths.curves import PolynomialCurve
 from freefloat.paths.path import EndEffectorPath
-from freefloat.paths.time_laws import TimeLaw
 from freefloat.paths.timing import Timing
 from freefloat.so3 import Array, IntArray, Pose, frozen, zeros
 
@@ -77,10 +76,6 @@ class TimedPath:
     def stretched(self, factor: float) -> TimedPath:
         """The same path at another speed, its duration multiplied by a factor."""
         return replace(self, timing=self.timing.stretched(factor))
-
-    def lasting(self, duration: float) -> TimedPath:
-        """The path with a duration [s], law ``uniform``, for motions that do not follow it."""
-        return TimedPath(self.path, Timing(duration, TimeLaw.UNIFORM), self.drift)
 
     def with_drift(self, drift: Array) -> TimedPath:
         """The same path, relative to a centre of mass with another velocity (3,) [m/s]."""

@@ -77,15 +77,6 @@ class PhaseResult:
         return getattr(self.result, "chosen", None)
 
     @property
-    def shown_motion(self) -> Motion | None:
-        """The motion for figures and scenes; a margin, which only paths require, is left out."""
-        motion = self.motion
-        if motion is None or self.kind == "path":
-            return motion
-        margin = replace(motion.problem.margin, threshold=0.0)
-        return replace(motion, problem=replace(motion.problem, margin=margin))
-
-    @property
     def feasible(self) -> bool:
         """Whether it succeeds and keeps margin and limits."""
         return self.result.feasible

@@ -66,7 +66,7 @@ class SimulatedBranch:
         return verdict_on(self.motion, results, self.closest_approach)
 
     def _outcome(self) -> dict[str, Any]:
-        required = self.motion.problem.margin.threshold
+        required = self.motion.setting.margin.threshold
         margin = {**self.closest_approach.to_dict(), "required": required, "kept": self.feasible}
         event = singular_event(self.motion)
         return {

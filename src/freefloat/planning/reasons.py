@@ -117,7 +117,7 @@ def verdict_on(
     """
     if motion.ending is Ending.SINGULAR:
         return Verdict(Cause.SINGULAR, time=motion.final.time)
-    margin = motion.problem.margin
+    margin = motion.setting.margin
     if approach is not None and not (motion.completed and margin.keeps(approach.value)):
         return Verdict(
             Cause.MARGIN,

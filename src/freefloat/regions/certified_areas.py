@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from freefloat.attitude_grids import low_discrepancy
 from freefloat.dynamics.joint_space import end_effector_distance
-from freefloat.motion.problem import Problem
+from freefloat.motion.setting import Setting
 from freefloat.regions.planar_regions import Interval
 from freefloat.singularities.global_maximum import halved, whole_joint_space
 from freefloat.singularities.singularity_polynomial import SingularityPolynomial, fitted
@@ -44,14 +44,14 @@ class CertifiedAreas:
     undecided: tuple[Interval, ...]
 
 
-def certified_areas(problem: Problem, reach: Interval) -> CertifiedAreas:
+def certified_areas(setting: Setting, reach: Interval) -> CertifiedAreas:
     """The areas of an arm that is not redundant.
 
     Args:
-        problem: The problem.
+        setting: Robot and task.
         reach: Smallest and largest distance of the end-effector from the centre of mass [m].
     """
-    shells = _Shells(problem, reach)
+    shells = _Shells(setting, reach)
     shells.search()
     return CertifiedAreas(
         shells.intervals(shells.singular),
@@ -63,8 +63,8 @@ def certified_areas(problem: Problem, reach: Interval) -> CertifiedAreas:
 class _Shells:
     """Shells between the smallest and the largest distance, and what is known of them."""
 
-    def __init__(self, problem: Problem, reach: Interval) -> None:
-        model, task = problem.model, problem.task
+    def __init__(self, setting: Setting, reach: Interval) -> None:
+        model, task = setting.model, setting.task
         self._S = SingularityPolynomial.of(model, task)
         self._square = fitted(
             lambda joints: np.array([end_effector_distance(model, task, q) ** 2 for q in joints]),

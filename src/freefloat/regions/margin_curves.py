@@ -18,6 +18,7 @@ import scipy
 from freefloat.dynamics.tasks import Task
 from freefloat.errors import InputError
 from freefloat.motion.problem import Problem
+from freefloat.motion.setting import Setting
 from freefloat.regions.elbow_arm import elbow_arm
 from freefloat.regions.planar_regions import (
     Complex,
@@ -175,16 +176,16 @@ def margin_curves(problem: Problem, *levels: float) -> tuple[MarginCurve, ...]:
     return level_curves(arm, *levels)
 
 
-def reduced_arm(problem: Problem) -> tuple[PlanarArm, str]:
+def reduced_arm(setting: Setting) -> tuple[PlanarArm, str]:
     """The planar arm on whose two joint angles S depends, and the name of the measure S.
 
     Raises:
         InputError: For other arms.
     """
-    if has_two_angle_form(problem.model, problem.task):
-        return PlanarArm.of(problem.model), "system"
-    if problem.task is Task.POSE and problem.model.has_one_arm:
-        return elbow_arm(problem.model), "arm"
+    if has_two_angle_form(setting.model, setting.task):
+        return PlanarArm.of(setting.model), "system"
+    if setting.task is Task.POSE and setting.model.has_one_arm:
+        return elbow_arm(setting.model), "arm"
     raise InputError(
         "robot", "S depends on more than two joint angles",
         "a planar arm with as many revolute joints as the task has rows, or for pose tasks an "

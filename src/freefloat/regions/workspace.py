@@ -18,6 +18,7 @@ from freefloat.dynamics.tasks import Task
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.errors import InputError
 from freefloat.motion.problem import Problem, require_problem
+from freefloat.motion.setting import Setting
 from freefloat.regions.certified_areas import certified_areas
 from freefloat.regions.elbow_arm import wrist_in_tool
 from freefloat.regions.margin_curves import level_curves, reduced_arm
@@ -100,11 +101,16 @@ def workspace_regions(problem: Problem) -> Workspace:
     """
     require_problem(problem)
     problem.model.require_one_arm("reach and regions")
-    workspace = exact_workspace(problem) or _general_workspace(problem)
+    workspace = regions_of(problem)
     return replace(workspace, path=_path_areas(problem, workspace))
 
 
-def exact_workspace(problem: Problem) -> Workspace | None:
+def regions_of(setting: Setting) -> Workspace:
+    """Reach and areas as of :func:`workspace_regions`, without those of the path."""
+    return exact_workspace(setting) or _general_workspace(setting)
+
+
+def exact_workspace(setting: Setting) -> Workspace | None:
     """Reach and areas where S depends on two joint angles alone, without those of the path.
 
     These are planar arms with as many revolute joints as the task has rows and, for pose tasks,
@@ -116,17 +122,17 @@ def exact_workspace(problem: Problem) -> Workspace | None:
     Returns:
         None for other arms, and where further arms move.
     """
-    if not problem.model.has_one_arm:
+    if not setting.model.has_one_arm:
         return None
     try:
-        arm, name = reduced_arm(problem)
+        arm, name = reduced_arm(setting)
     except InputError:
         return None
-    virtual = VirtualManipulator.of(problem.model)
+    virtual = VirtualManipulator.of(setting.model)
     point, offset = "end-effector", np.zeros(3)
-    if problem.task is Task.PLANAR_POSE:
+    if setting.task is Task.PLANAR_POSE:
         point, offset = "virtual last joint", -virtual.last_link
-    elif problem.task is Task.POSE:
+    elif setting.task is Task.POSE:
         point, offset = "virtual wrist centre", wrist_in_tool(virtual)
     curves = level_curves(arm, 0.0)
     area_a, area_b = (
@@ -134,20 +140,20 @@ def exact_workspace(problem: Problem) -> Workspace | None:
         for first in (True, False)
     )
     dependent = merged([*area_a, *area_b])
-    measure = singularity_measure(problem.model, problem.task, name)
-    extremes = joint_space_extremes(problem.model, measure)
+    measure = singularity_measure(setting.model, setting.task, name)
+    extremes = joint_space_extremes(setting.model, measure)
     return Workspace(
         point, frozen(offset), name, arm.reach, dependent, _complement(dependent, arm.reach), True,
         extremes.largest, extremes.smallest, area_a=area_a, area_b=area_b,
     )  # fmt: skip
 
 
-def _general_workspace(problem: Problem) -> Workspace:
+def _general_workspace(setting: Setting) -> Workspace:
     """Reach and areas of the end-effector, those of redundant arms being unknown."""
-    reach = sampled_reach(problem.model, problem.task)
-    measure = singularity_measure(problem.model, problem.task, "gjm")
-    extremes = joint_space_extremes(problem.model, measure)
-    areas = None if problem.redundant else certified_areas(problem, reach)
+    reach = sampled_reach(setting.model, setting.task)
+    measure = singularity_measure(setting.model, setting.task, "gjm")
+    extremes = joint_space_extremes(setting.model, measure)
+    areas = None if setting.redundant else certified_areas(setting, reach)
     return Workspace(
         "end-effector", frozen(np.zeros(3)), measure.name, reach,
         areas.path_dependent if areas else None, areas.path_independent if areas else None, False,

@@ -13,7 +13,7 @@ import numpy as np
 
 from freefloat.errors import InputError, finite_number, finite_vector, require_type
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.scene.scene_body import EndEffectorPoses, PathFrame, SceneBody
+from freefloat.scene.scene_body import EndEffectorPoses, SceneBody, SceneFrame
 from freefloat.scene.tumbling import MOST_REVOLUTIONS, Tumbling
 from freefloat.so3 import Array, Pose, frozen, unit_vector
 
@@ -181,16 +181,16 @@ class Scene:
         return any(body.payload is not None for body in self.bodies)
 
     def poses(
-        self, t: float | Array, path: PathFrame, hand: EndEffectorPoses | None = None
+        self, t: float | Array, frame: SceneFrame, hand: EndEffectorPoses | None = None
     ) -> tuple[Pose, ...]:
         """The frames of all bodies, see :meth:`freefloat.scene.scene_body.SceneBody.pose_at`."""
-        return tuple(body.pose_at(t, path, hand) for body in self.bodies)
+        return tuple(body.pose_at(t, frame, hand) for body in self.bodies)
 
     def corridor_pose(
-        self, t: float | Array, path: PathFrame, hand: EndEffectorPoses | None = None
+        self, t: float | Array, frame: SceneFrame, hand: EndEffectorPoses | None = None
     ) -> Pose:
         """The frame of the corridor; arguments are those of :meth:`poses`."""
         if self.corridor is None or self.corridor.body is None:
-            return Pose(path.origin(t), np.broadcast_to(np.eye(3), (*np.shape(t), 3, 3)))
+            return Pose(frame.origin(t), np.broadcast_to(np.eye(3), (*np.shape(t), 3, 3)))
         body = self.bodies[self.names.index(self.corridor.body)]
-        return body.pose_at(t, path, hand)
+        return body.pose_at(t, frame, hand)

@@ -27,14 +27,11 @@ def _unit() -> Array:
     return np.eye(3)
 
 
-class PathFrame(Protocol):
-    """The frame in which a path and a scene are stated, and the pose that the path prescribes."""
+class SceneFrame(Protocol):
+    """The frame in which a scene is stated."""
 
     def origin(self, t: float | Array) -> Array:
         """Origin of the frame at times t [s] relative to the centre of mass [m], shape (..., 3)."""
-
-    def pose(self, t: float | Array) -> Pose:
-        """Poses of the end-effector at times t [s] relative to the centre of mass."""
 
 
 class EndEffectorPoses(NamedTuple):
@@ -116,20 +113,24 @@ class SceneBody:
         return Pose(self.position, self.orientation)
 
     def pose_at(
-        self, t: float | Array, path: PathFrame, hand: EndEffectorPoses | None = None
+        self, t: float | Array, frame: SceneFrame, hand: EndEffectorPoses | None = None
     ) -> Pose:
         """Its frame at time t [s] relative to the centre of mass, inertial axes.
 
         Args:
             t: Time [s], or times (K,) of one sign, at which it has K poses.
-            path: Its frame, and the pose that it prescribes for the end-effector.
-            hand: Poses of the end-effector in place of the path's.
+            frame: The frame in which the scene is stated.
+            hand: Poses of the end-effector, needed where the body moves with it.
+
+        Raises:
+            InputError: If they are needed and missing.
         """
         if self.motion == "target":
-            hand = hand or EndEffectorPoses.on(path.pose(t))
+            if hand is None:
+                raise InputError("hand", "it is missing", "the poses of the end-effector")
             return (hand.prescribed if self.payload is None else hand.actual) @ self.pose
         pose = self._turned(t)
-        return Pose(pose.position + path.origin(t), pose.rotation)
+        return Pose(pose.position + frame.origin(t), pose.rotation)
 
     def _turned(self, t: float | Array) -> Pose:
         """Its frame at times t [s] in the path's frame, unless it moves with the target."""

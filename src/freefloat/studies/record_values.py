@@ -108,12 +108,12 @@ def motion_values(chosen: SimulatedBranch) -> dict[str, Any]:
     """The values of a motion by itself."""
     motion = chosen.motion
     attitude = motion.initial.attitude.tolist()
-    planar = motion.problem.has_headings
+    planar = motion.setting.has_headings
     return {
         **margin_values(chosen),
         "branch": chosen.branch.index,
         **attitude_values(attitude),
-        "heading_deg": math.degrees(motion.problem.plane.heading(attitude)) if planar else None,
+        "heading_deg": math.degrees(motion.setting.plane.heading(attitude)) if planar else None,
         **family("joints", dict(enumerate(motion.initial.joints.tolist()))),
         **family("residuals", motion.residuals().to_dict()),
     }
@@ -128,14 +128,14 @@ def margin_values(chosen: SimulatedBranch, start: float = 0.0) -> dict[str, Any]
         "measure": margin.measure,
         "margin": chosen.minimum_margin,
         "margin_time": start + margin.time,
-        "margin_required": motion.problem.margin.threshold,
+        "margin_required": motion.setting.margin.threshold,
         "singular_time": start + motion.final.time if singular else None,
     }
 
 
 def _extreme_values(chosen: SimulatedBranch) -> dict[str, Any]:
     """Final attitude, and largest rates, turn and range ratios of a motion that completes."""
-    motion, (lower, upper) = chosen.motion, chosen.motion.problem.model.joint_ranges
+    motion, (lower, upper) = chosen.motion, chosen.motion.model.joint_ranges
     values = attitude_values(motion.final.attitude.tolist(), "final_attitude")
     if not (motion.completed and motion.panels):
         return values
@@ -143,8 +143,8 @@ def _extreme_values(chosen: SimulatedBranch) -> dict[str, Any]:
     used = np.maximum(*range_ratios((lower, upper), extents.low, extents.high)).tolist()
     bounded = np.flatnonzero(np.isfinite([lower, upper]).any(axis=0)).tolist()
     return values | {
-        "base_rate": BaseRateLimit(motion.problem, 1.0).worst(motion).worst,
-        "base_turn_deg": degrees(BaseTurnLimit(motion.problem, np.pi).worst(motion).worst),
+        "base_rate": BaseRateLimit(motion.setting, 1.0).worst(motion).worst,
+        "base_turn_deg": degrees(BaseTurnLimit(motion.setting, np.pi).worst(motion).worst),
         **family("joint_rates", {
             joint: maximum(rates[..., joint : joint + 1]).value for joint in range(rates.shape[2])
         }),
@@ -157,7 +157,7 @@ def _limiting(chosen: SimulatedBranch, limits: Sequence[LimitResult]) -> dict[st
     motion, margin = chosen.motion, chosen.closest_approach
     if motion.ending is Ending.SINGULAR:
         return {"limiting": SINGULARITY_LIMITS, "limiting_time": motion.final.time}
-    required = motion.problem.margin.threshold
+    required = motion.setting.margin.threshold
     ratio = required / margin.value if margin.value else math.inf
     candidates = [(ratio, MARGIN_LIMITS, margin.time)]
     candidates += [

@@ -116,7 +116,7 @@ def error_check(
 def span_check(motion: Motion) -> Check:
     """Check that a motion begins where its path does and, if it is completed, ends there."""
     first, last = float(motion.times[0]), float(motion.times[-1])
-    duration = motion.problem.path.duration
+    duration = motion.law.timing.duration
     error = max(abs(first), abs(last - duration) if motion.completed else last - duration)
     passed = motion.panels > 0 and error <= _ENDS * duration
     words = f"the path takes {duration:g} s, the motion goes from {first:g} to {last:g} s"
@@ -126,9 +126,9 @@ def span_check(motion: Motion) -> Check:
 
 def arms_check(motion: Motion) -> Iterator[Check]:
     """Check that further arms move along their curves."""
-    if not motion.problem.arms:
+    if not motion.setting.arms:
         return
-    n, curves = motion.problem.model.arm_dof, motion.problem.arms
+    n, curves = motion.model.arm_dof, motion.setting.arms
     error = np.abs(motion.joints[:, n:] - curves.at(motion.times)).max(axis=1)
     worst = int(error.argmax())
     yield error_check("further arms", float(error[worst]), _ON_CURVE, "rad or m",
@@ -139,7 +139,7 @@ def path_tolerances(motion: Motion) -> tuple[float, float]:
     """Allowed distance [m] and angle [rad] of the end-effector from the path of a motion."""
     rotation = float(angle_between(motion.attitudes[1:], motion.attitudes[:-1]).sum())
     angle = _ON_PATH * max(1.0, rotation / (2.0 * np.pi))
-    return angle * max(1.0, motion.problem.reach()), angle  # at least a metre
+    return angle * max(1.0, motion.setting.reach()), angle  # at least a metre
 
 
 def certificate_checks(certificate: Certificate, motion: Motion, feasible: bool) -> Iterator[Check]:
@@ -165,7 +165,7 @@ def certificate_checks(certificate: Certificate, motion: Motion, feasible: bool)
 def _rate_tolerance(motion: Motion) -> float:
     """Allowed error of joint rates over the largest one; joints that rest have rounding alone."""
     fastest = float(np.nanmax(np.abs(motion.node_rates[..., 3:]), initial=0.0))
-    moved = max(fastest * motion.problem.path.duration, np.finfo(float).tiny)
+    moved = max(fastest * motion.law.timing.duration, np.finfo(float).tiny)
     return _RATES + _RESTING / moved
 
 
@@ -194,8 +194,8 @@ def end_checks(motion: Motion) -> Iterator[Check]:
 
 def _rounding(motion: Motion) -> float:
     """Error of the momentum that is rounding [N m s]."""
-    inertia = float(np.trace(inertia_matrices(motion.problem.model, motion.initial.joints)[0]))
-    return _MOMENTUM_ERROR * inertia / motion.problem.path.duration
+    inertia = float(np.trace(inertia_matrices(motion.model, motion.initial.joints)[0]))
+    return _MOMENTUM_ERROR * inertia / motion.law.timing.duration
 
 
 def _second_checks(second: SecondIntegration) -> list[Check]:
@@ -241,7 +241,7 @@ def _singular_end(motion: Motion) -> Check:
 
 def _margin_end(motion: Motion) -> Check:
     """Check that a motion that is stated to end at its margin does so."""
-    margin = motion.problem.margin
+    margin = motion.setting.margin
     error = abs(margin.measure(motion.final.joints)) - margin.threshold
     return error_check(
         "end at the margin", abs(error) if motion.panels else error,

@@ -15,13 +15,14 @@ import numpy as np
 from freefloat.kinds import kind_of, named
 from freefloat.limits.limits import Limits
 from freefloat.motion.problem import Problem
+from freefloat.motion.setting import JointSetting
 from freefloat.planning.settings import Search
 from freefloat.records import Codec, Known, Origin, Quantity, Tree
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array, BoolArray
 from freefloat.verification.comparisons import Check
 
-CODEC = Codec((Problem, Search, Limits, FreeFloatingModel))
+CODEC = Codec((Problem, JointSetting, Search, Limits, FreeFloatingModel))
 """Codec of results: files store scenario and robot as texts."""
 
 

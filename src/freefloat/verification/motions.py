@@ -37,7 +37,7 @@ _SAME_JOINTS = 1e-9
 """Distance of joints from those of their arm branch [rad or m]."""
 
 MOTION = Known(Motion, dict.fromkeys(
-    ("ending", "times", "attitudes", "joints", "base_positions", "curve"), Origin.TESTED
+    ("ending", "times", "attitudes", "joints", "base_positions", "law"), Origin.TESTED
 ))  # fmt: skip
 """A motion, whose numbers are tested together: by the equations, its path and integrating again."""
 
@@ -45,7 +45,7 @@ MOTION = Known(Motion, dict.fromkeys(
 def known_branch(simulated: SimulatedBranch) -> Known:
     """What is recomputed of the motion of an arm branch."""
     motion, time = simulated.motion, simulated.closest_approach.time
-    measure = motion.problem.margin.measure
+    measure = motion.setting.margin.measure
     found = closest_approach(motion, measure)
     if _is_same(_measured(motion, measure, time), found.value):
         found = replace(found, time=time)  # it is as close at the stated time
@@ -145,7 +145,7 @@ def _as_stated(
 
 def _of_joint(limit: Limit[Any], name: str, motion: Motion) -> Limit[Any]:
     """The limit of one joint alone."""
-    names = motion.problem.model.joint_names
+    names = motion.model.joint_names
     if not isinstance(limit, JointLimit) or name not in names:
         return limit
     others, alone = np.array(names) != name, copy(limit)
@@ -167,7 +167,7 @@ def _results_at(limit: Limit[Any], motion: Motion, time: float) -> Iterator[Limi
     for panel in sorted(panels) if motion.panels else ():
         low, high = max(panel, u - _WINDOW), min(panel + 1.0, u + _WINDOW)
         nodes = motion.evaluate((low + high) / 2.0 + (high - low) / 2.0 * NODES)
-        window = Motion(motion.problem, Ending.COMPLETED, *nodes, motion.curve)
+        window = Motion(motion.law, Ending.COMPLETED, *nodes)
         result = limit.worst(window)
         if isinstance(limit, BaseTurnLimit):  # from the attitude at the start of the whole motion
             turn = float(angle_between(window.final.attitude, motion.initial.attitude))

@@ -183,7 +183,7 @@ def _report(
         The report, and the limits along the motion where any were to be kept.
     """
     motion, required = chosen.motion, result.limits is not None
-    checker = LimitChecker(motion.problem, result.limits or Limits(clearance=OFF))
+    checker = LimitChecker(motion.setting, result.limits or Limits(clearance=OFF))
     limits = same_results(checker, motion, result.limit_results)
     results = limits if required else ()
     if not motion.panels:

@@ -64,7 +64,7 @@ def follow(motion: Motion, times: Array, loops: Loops) -> Courses:
         times: Instants of control, and the end [s].
         loops: The closed loops, K.
     """
-    problem, count, dof = motion.problem, len(loops.factors), motion.problem.model.dof
+    problem, count, dof = motion.problem, len(loops.factors), motion.model.dof
     controller = _Controller(motion, loops.gains)
     model = replace(problem.model, base=Base.FREE, gravity=0.0)  # the servos bear the weight
     engine = MuJoCoModel(replace(problem.system, model=model))

@@ -33,7 +33,7 @@ class MuJoCo:
 
     def repeated(self, motion: Motion) -> EngineRuns:
         """See :class:`~freefloat.verification.check.Engine`."""
-        reference, robot = Reference.of(motion), MuJoCoModel(motion.problem.system)
+        reference, robot = Reference.of(motion), MuJoCoModel(motion.setting.system)
         inverse = mujoco.inverse_run(motion, robot)
         end = mujoco.final_state(motion, robot, reference)
         forward = ForwardRun.of(motion, end, reference.steps)
@@ -46,7 +46,7 @@ class MuJoCo:
         A deviation that is too large is computed with more steps: errors of the servos become
         smaller then, errors of the motion do not.
         """
-        robot = MuJoCoModel(motion.problem.system)
+        robot = MuJoCoModel(motion.setting.system)
         run = mujoco.forward_run(motion, robot, steps=steps)
         if run.attitude > allowed:
             run = mujoco.forward_run(motion, robot, steps=_FINER * steps)

@@ -78,11 +78,12 @@ class Reference:
     def of(cls, motion: Motion, steps: int | None = None) -> Reference:
         """The joints of a motion; the number of steps follows from its length if not given."""
         first, last = known_span(motion)
-        required_steps = max(
-            _STEPS_PER_RADIAN * displacements(motion).sum(),
-            _STEPS_PER_SEGMENT * len(motion.problem.breaks),
-        )
-        steps = steps or int(np.clip(required_steps, _FEWEST_STEPS, _MAX_STEPS))
+        if steps is None:
+            required_steps = max(
+                _STEPS_PER_RADIAN * displacements(motion).sum(),
+                _STEPS_PER_SEGMENT * len(motion.problem.breaks),
+            )
+            steps = int(np.clip(required_steps, _FEWEST_STEPS, _MAX_STEPS))
         nodes = np.linspace(first, last, round(_SPLINE * steps) + 1)
         _, _, rows = motion.evaluate(motion.coordinates_at(nodes))
         return cls(first, last, steps, scipy.interpolate.CubicSpline(nodes, rows))

@@ -110,7 +110,7 @@ def _differentiated(motion: Motion, t: float, window: float) -> tuple[Array, Arr
     """
     places = chebyshev.chebpts1(_SAMPLES_AROUND)
     states = motion.sample(t + window * places)
-    drift = motion.problem.path.drift
+    drift = motion.setting.drift
     rows = np.array([
         np.concatenate([s.base_position + s.time * drift, s.attitude, s.joints]) for s in states
     ])  # fmt: skip
@@ -123,11 +123,11 @@ def _differentiated(motion: Motion, t: float, window: float) -> tuple[Array, Arr
 
 def _off_path(motion: Motion, engine: MuJoCoModel, t: float) -> float:
     """Largest distance of MuJoCo's end-effectors from their paths [m]."""
-    rows = [row for row in motion.problem.task.rows if row < 3]
+    rows = [row for row in motion.setting.task.rows if row < 3]
     places = [path.path.curve(path.timing.s(t)) for path in motion.problem.path.every]
     offsets = engine.end_effector_positions() - np.array(places)
-    if motion.problem.has_headings:
-        offsets = motion.problem.plane.seen(offsets)
+    if motion.setting.has_headings:
+        offsets = motion.setting.plane.seen(offsets)
     return float(np.linalg.norm(offsets[:, rows], axis=1).max())
 
 
@@ -152,7 +152,7 @@ def final_state(motion: Motion, engine: MuJoCoModel, reference: Reference) -> St
     The servos are computed-torque controllers on MuJoCo's own mass matrix.
     """
     h, data = reference.step, engine.data
-    b, n = engine.base_rates, motion.problem.model.dof
+    b, n = engine.base_rates, motion.model.dof
     stiff, damp = (STIFFNESS / h) ** 2, 2.0 * STIFFNESS / h
     start(motion, engine, reference.first, reference(reference.first, 1))
     engine.rest(h)
@@ -167,7 +167,7 @@ def final_state(motion: Motion, engine: MuJoCoModel, reference: Reference) -> St
         )
         base = -np.linalg.solve(M[:b, :b], M[:b, b:] @ acceleration + bias[:b])
         engine.step(M[b:, :b] @ base + M[b:, b:] @ acceleration + bias[b:])
-    drift = reference.last * motion.problem.path.drift
+    drift = reference.last * motion.setting.drift
     joints = np.array(data.qpos[-n:])
     return State(reference.last, engine.attitude, joints, engine.base_position - drift)
 
@@ -182,7 +182,7 @@ def start(motion: Motion, engine: MuJoCoModel, t: float, rates: Array) -> None:
         rates: Joint rates, shape (n,).
     """
     (state,), data = motion.sample(t), engine.data
-    position = state.base_position + t * motion.problem.path.drift
+    position = state.base_position + t * motion.setting.drift
     engine.set_positions(position, state.attitude, state.joints)
     engine.set_rates(data.qvel, base_velocity(engine.system, state, rates), rates)
     data.qacc[:] = 0.0

@@ -216,7 +216,7 @@ def track_many(
     require_extra("mujoco", "mujoco")
     motion = _whole_motion(result)
     threads = whole_number("threads", available_cores() if threads is None else threads, 1)
-    times = _instants(motion.problem.path.duration, period)
+    times = _instants(motion.law.timing.duration, period)
     given = {"mass_error": mass_error, "noise": noise, "friction": friction, "seed": seed,
              "gain": gain, "tolerance": tolerance}  # fmt: skip
     columns = _columns(given)
@@ -244,7 +244,7 @@ def _whole_motion(result: Plan | Simulation) -> Motion:
     require_type("result", result, Plan | Simulation, "a Plan or a Simulation")
     if result.chosen is None or not result.chosen.motion.completed:
         raise InputError("result", "it has no motion along the whole path", "a feasible plan")
-    result.chosen.motion.problem.model.require_one_arm("tracked motions")
+    result.chosen.motion.model.require_one_arm("tracked motions")
     return result.chosen.motion
 
 
@@ -299,7 +299,7 @@ class _SimulatedRobot:
     @classmethod
     def of(cls, motion: Motion, factors: Array) -> _SimulatedRobot:
         """The robot with mass and inertia of every body multiplied by factors (1 + n,)."""
-        nominal, problem = motion.problem.model, motion.problem
+        nominal, problem = motion.model, motion.problem
         places = nominal.link_places.items()
         by_link = {link: float(factors[number]) for link, (number, _) in places}
         description = scaled(nominal.description, by_link)

@@ -21,7 +21,7 @@ def attitude_ephemeris_text(trajectory: Trajectory) -> str:
     """
     times = [_date(trajectory, t) for t in trajectory.times.tolist()]
     header = trajectory.header
-    robot = trajectory.motion.problem.model.description.name
+    robot = trajectory.motion.model.description.name
     name = header.object_name or robot or "SPACECRAFT"
     if not name.isascii():
         accepted = "a name in ASCII characters, which the format asks for"

@@ -48,7 +48,7 @@ def write_mcap(path: Path, trajectory: Trajectory) -> None:
     """
     from mcap_ros2.writer import Writer
 
-    model = trajectory.motion.problem.model
+    model = trajectory.motion.model
     epoch = trajectory.header.epoch
     zero = math.floor(epoch.timestamp()) * 10**9 + epoch.microsecond * 1000
     first, last = (zero // 10**9 + t for t in trajectory.times[[0, -1]].tolist())
@@ -92,7 +92,7 @@ def _definition(text: str, parts: tuple[str, ...]) -> str:
 
 def _transforms(trajectory: Trajectory, k: int, header: dict[str, Any]) -> list[dict[str, Any]]:
     """Poses of all links in the inertial frame."""
-    model = trajectory.motion.problem.model
+    model = trajectory.motion.model
     poses = model.body_poses(trajectory.attitudes[k], trajectory.joints[k])
     transforms = []
     for link, (number, place) in model.link_places.items():

@@ -40,7 +40,7 @@ def mjcf_text(trajectory: Trajectory) -> str:
             violates the triangle inequality.
     """
     _require_representable(trajectory)
-    root = robot_mjcf(trajectory.motion.problem.model)
+    root = robot_mjcf(trajectory.motion.model)
     keys = ET.SubElement(root, "keyframe")
     for name, k in (("initial", 0), ("final", -1)):
         ET.SubElement(keys, "key", {"name": name, **_state(trajectory, k)})
@@ -49,11 +49,11 @@ def mjcf_text(trajectory: Trajectory) -> str:
 
 
 def _require_representable(trajectory: Trajectory) -> None:
-    problem = trajectory.motion.problem
-    if problem.wheel_momentum.any():
+    setting = trajectory.motion.setting
+    if setting.wheel_momentum.any():
         accepted = "for mjcf a spacecraft whose wheels store no momentum"
         raise InputError("format", "wheels store momentum", accepted)
-    refused = _why_refused(problem.model)
+    refused = _why_refused(setting.model)
     if refused is not None:
         accepted = "for mjcf other names, and inertias that bodies of matter have"
         raise InputError("format", refused, accepted)
@@ -66,9 +66,9 @@ def _state(trajectory: Trajectory, k: int) -> dict[str, str]:
     place, velocity = trajectory.base_positions[k], trajectory.base_velocities[k]
     position = [place, np.roll(attitude, 1), trajectory.joints[k]]
     rates: list[Array] = [velocity, omega, trajectory.joint_rates[k]]
-    problem = trajectory.motion.problem
-    if problem.model.on_table:
-        headings = np.unwrap([problem.plane.heading(each) for each in trajectory.attitudes])
+    setting = trajectory.motion.setting
+    if setting.model.on_table:
+        headings = np.unwrap([setting.plane.heading(each) for each in trajectory.attitudes])
         position = [place[:2], headings[[k]], trajectory.joints[k]]
         rates = [velocity[:2], omega[2:], trajectory.joint_rates[k]]
     return {

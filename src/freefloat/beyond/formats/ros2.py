@@ -71,7 +71,7 @@ def _joint_trajectory(trajectory: Trajectory, name: str) -> dict[str, Any]:
         for k, ns in enumerate(since)
     ]
     header = {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": ""}
-    names = list(motion.problem.model.joint_names)
+    names = list(motion.model.joint_names)
     return {"header": header, "joint_names": names, "points": points}
 
 

@@ -39,7 +39,7 @@ _ANGLE = 1.5
 
 def goal_figures(result: GoalMotion, *_: Any) -> Drawings:
     """The figures of a motion to a goal."""
-    motion = result.phases[0].shown_motion
+    motion = result.motion
     if motion is None:
         return {}
     return drawn_motion_figures(motion) | angle_figures(motion, result.limits)
@@ -72,7 +72,7 @@ def _manoeuvre_figure(manoeuvre: Manoeuvre) -> Figure:
     figure = Figure(figsize=(7.0, 6.0 + _ANGLE * count), layout="constrained")
     turn, *angles, joints, measure = figure.subplots(3 + count, sharex=True)
     moving = [(phase, phase.motion) for phase in manoeuvre.phases if phase.motion is not None]
-    every = [name for _, motion in moving for name in motion.problem.model.joint_names]
+    every = [name for _, motion in moving for name in motion.model.joint_names]
     names = list(dict.fromkeys(every))  # arms that rest in a phase are not among its joints
     styles = dict(zip(names, strokes(len(names)), strict=False))
     unit, (scale, joint_unit) = problem.margin.measure.unit, joint_scale(problem.model)
@@ -85,11 +85,11 @@ def _manoeuvre_figure(manoeuvre: Manoeuvre) -> Figure:
             most = np.degrees(phase.limits.base_turn)
             turn.hlines(most, at[0], at[-1], label=f"at most {digits(most)}°", **MARGIN_LINE)
         _draw_pointing(angles, phase, motion)
-        for name, joint in zip(motion.problem.model.joint_names, values.T, strict=True):
+        for name, joint in zip(motion.model.joint_names, values.T, strict=True):
             joints.plot(at, scale * joint, label=name, **styles[name])
-        of = motion.problem.margin.measure
+        of = motion.setting.margin.measure
         measure.semilogy(at, [max(abs(of(q)), 1e-12) for q in values], color="C2", linestyle="-")
-        threshold = motion.problem.margin.threshold
+        threshold = motion.setting.margin.threshold
         if phase.kind == "path" and threshold:
             label = f"margin {amount(threshold, unit)}"
             measure.plot(at[[0, -1]], [threshold, threshold], label=label, **MARGIN_LINE)

@@ -11,10 +11,9 @@ import scipy
 
 from freefloat.beyond.missions.goals.goal_motion import GoalMotion
 from freefloat.limits.check import LimitChecker
-from freefloat.motion.joint_curves import JointSpline
 from freefloat.motion.joint_integration import node_times
+from freefloat.motion.law import JointLaw
 from freefloat.motion.motion import Ending, Motion
-from freefloat.motion.problem import Problem
 from freefloat.records import Known, Origin
 from freefloat.so3 import Array, angle_between
 from freefloat.verification.check import CheckReport, other_engine
@@ -37,41 +36,39 @@ def goal_report(result: GoalMotion, engine: str) -> tuple[CheckReport, Known]:
         result: The record, computed or loaded from a file.
         engine: As for :func:`~freefloat.verification.check.check`.
     """
-    motion, known = result.motion, dict[str, Any](goal=Origin.GIVEN)
-    if motion is None or motion.curve is None:
+    motion, law, known = result.motion, result.law, dict[str, Any](goal=Origin.GIVEN)
+    if motion is None or law is None:
         missing = Check("motion", False, f"there is none: {result.reason}")
         return CheckReport(result.kind, (missing,)), Known(GoalMotion, known)
-    checker = LimitChecker(motion.problem, result.limits)
+    checker = LimitChecker(motion.setting, result.limits)
     limits = same_results(checker, motion, result.limit_results)
     again = result.with_motion(motion, limits)
     known |= {"motion": _COMPLETED, "limit_results": limits, "feasible": again.feasible,
               "reason": again.reason}  # fmt: skip
-    other, steps = other_engine(engine), _STEPS_PER_LOOP * -(-motion.curve.spans // _SPANS)
+    other, steps = other_engine(engine), _STEPS_PER_LOOP * -(-law.curve.spans // _SPANS)
     checks = (
-        *completed("motion", _checks, result, motion, motion.curve),
+        *completed("motion", _checks, result, motion, law),
         *limit_checks(limits, result.feasible),
         *(other.simulated(motion, steps, _ENGINE) if other else ()),
     )
     return CheckReport(result.kind, checks, limits=limits), Known(GoalMotion, known)
 
 
-def _checks(result: GoalMotion, motion: Motion, spline: JointSpline) -> Iterator[Check]:
+def _checks(result: GoalMotion, motion: Motion, law: JointLaw) -> Iterator[Check]:
     """The motion is integrated again, over its whole duration, and ends at the goal."""
     yield span_check(motion)
-    times = node_times(motion.problem, spline)
-    attitudes = _integrated_again(motion.problem, spline, motion.initial.attitude, times)
-    joints = spline.at([motion.problem.path.timing.s(t) for t in times.tolist()])
+    times = node_times(law)
+    attitudes = _integrated_again(law, motion.initial.attitude, times)
+    joints = law.curve.at(law.timing.s(times))
     again = replace(motion, times=times, attitudes=attitudes, joints=joints)
     yield _same_motion(again, motion)
     error = replace(result, motion=again).error or 0.0
     yield error_check("final state", error, _STATE_ERROR, "rad, m", float(again.times[-1]))
 
 
-def _integrated_again(
-    problem: Problem, spline: JointSpline, attitude: Array, times: Array
-) -> Array:
+def _integrated_again(law: JointLaw, attitude: Array, times: Array) -> Array:
     """Attitudes at times (K,), shape (K, 4), by SciPy's DOP853; collocation found the motion."""
-    timing, system = problem.path.timing, problem.system
+    timing, system, spline = law.timing, law.setting.system, law.curve
 
     def rates(t: float, attitude: Array) -> Array:
         s, q = timing.s(t), attitude / np.linalg.norm(attitude)

@@ -1,4 +1,4 @@
-"""Manoeuvres of files: the problem of each phase follows from the state at its beginning.
+"""Manoeuvres of files: the setting of each phase follows from the state at its beginning.
 
 A file holds the scenario of a manoeuvre, which has the phases.
 """
@@ -6,7 +6,6 @@ A file holds the scenario of a manoeuvre, which has the phases.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from typing import Any, cast
 
 from freefloat.beyond.missions.goals.goal_motion import GoalMotion, earlier
@@ -17,6 +16,7 @@ from freefloat.beyond.missions.phases.state import SystemState
 from freefloat.io.scenario.scenario import Scenario
 from freefloat.limits.limits import Limits
 from freefloat.motion.problem import Problem
+from freefloat.motion.setting import JointSetting, Setting
 from freefloat.planning.answer import Finding, PhaseResult
 from freefloat.planning.plan import Plan
 from freefloat.planning.settings import Search
@@ -43,7 +43,7 @@ def decode_manoeuvre(tree: Tree, scenario: Scenario) -> Manoeuvre:
         state = SystemState.at_start(plan.motion)
         phases = [
             *(
-                _before(entry, state.problem, state.limits(limits).without_turn)
+                _before(entry, state.setting, state.limits(limits).without_turn)
                 for entry in trees[:first]
             ),
             path,
@@ -57,38 +57,29 @@ def _following(
 ) -> Iterator[PhaseResult]:
     """The phases after the first path, each from the state at which the one before ends."""
     for tree, phase in zip(trees, scenario.phases(), strict=False):
-        problem, own = phase.problem_at(state), state.limits(limits)
+        own = state.limits(limits)
         if tree["result"]["class"] == GoalMotion.__name__:
             own = own.without_turn
-            if "motion" in tree["result"]:
-                problem = replace(problem, path=problem.path.lasting(_duration(tree)))
-        planned = _decoded(tree, problem, own)
+        planned = _decoded(tree, phase.setting_at(state), own)
         yield planned
         if planned.feasible:
             state = phase.end(state, planned.result)
 
 
-def _before(tree: Tree, problem: Problem, limits: Limits) -> PhaseResult:
+def _before(tree: Tree, setting: JointSetting, limits: Limits) -> PhaseResult:
     """A phase before the first path."""
     if "motion" in tree["result"]:
-        duration = _duration(tree)
-        limits = limits.seen_from(-duration * problem.path.drift)
-        problem = replace(earlier(problem, duration), path=problem.path.lasting(duration))
-    return _decoded(tree, problem, limits)
-
-
-def _duration(tree: Tree) -> float:
-    return float(tree["result"]["motion"]["times"].values[-1])
+        duration = float(tree["result"]["motion"]["law"]["duration"])
+        limits = limits.seen_from(-duration * setting.drift)
+        setting = earlier(setting, duration)
+    return _decoded(tree, setting, limits)
 
 
 def _decoded(
-    tree: Tree,
-    problem: Problem,
-    limits: Limits,
-    search: Search | None = None,
+    tree: Tree, setting: Setting, limits: Limits, search: Search | None = None
 ) -> PhaseResult:
     context: dict[type, Any] = {
-        Problem: problem, Limits: limits, Search: search or Search(),
-        FreeFloatingModel: problem.model,
+        Problem: setting, JointSetting: setting, FreeFloatingModel: setting.model,
+        Limits: limits, Search: search or Search(),
     }  # fmt: skip
     return CODEC.decode(PhaseResult, tree, context)

@@ -6,14 +6,14 @@ from functools import cached_property
 from typing import Any, cast
 
 from freefloat.beyond.missions.goals.goal import Goal
-from freefloat.beyond.missions.goals.goal_motion import GoalMotion, goal_problem
+from freefloat.beyond.missions.goals.goal_motion import GoalMotion, goal_setting
 from freefloat.beyond.missions.phases.expected_state import keys_within
 from freefloat.beyond.missions.phases.manoeuvre import Manoeuvre
 from freefloat.beyond.missions.phases.phase import Phase, checked_phases
 from freefloat.concurrency import Progress
 from freefloat.io.scenario.scenario import Scenario
 from freefloat.motion.motion import Motion
-from freefloat.motion.problem import Problem
+from freefloat.motion.setting import JointSetting
 
 
 class PosedGoal:
@@ -37,17 +37,17 @@ class PosedGoal:
             self.present = self._search.present_state(scenario.model())
 
     @cached_property
-    def problem(self) -> Problem:
-        """Robot, momentum and scene; its path is not followed.
+    def setting(self) -> JointSetting:
+        """Robot, momentum and scene.
 
         Raises:
             InputError: If the goal does not suit them.
         """
         system, scene = self._scenario.system(), self._scenario.scene()
         with self._scenario.error_context():
-            problem = goal_problem(system, *self.present, self.goal, scene)
-            self.goal.require_applicable(problem)
-        return problem
+            setting = goal_setting(system, self.present[0], self.goal, scene)
+            self.goal.require_applicable(setting)
+        return setting
 
     def plan(self, *, threads: int | None = None, progress: Progress | None = None) -> GoalMotion:
         """The motion, see :func:`freefloat.move`; on one core."""

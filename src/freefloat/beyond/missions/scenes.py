@@ -13,7 +13,7 @@ from freefloat.visualization.scenes.scene_builder import PageScene
 
 def goal_scene(result: GoalMotion, title: str) -> PageScene:
     """The scene of a motion to a goal; an InputError without one."""
-    motion = result.phases[0].shown_motion
+    motion = result.motion
     if motion is None:
         accepted = "a goal with a motion"
         raise InputError("result", f"it has no motion: {result.reason}", accepted)
@@ -31,7 +31,7 @@ def manoeuvre_scene(manoeuvre: Manoeuvre, title: str) -> PageScene:
     places: list[Place] = []
     violations: dict[str, str] = {}
     for number, phase in enumerate(manoeuvre.phases, 1):
-        motion = phase.shown_motion
+        motion = phase.motion
         if motion is not None:
             name = f"{number} {phase.name}"
             motions[name], violations[name] = motion, violation_of(phase.limit_results)

@@ -12,7 +12,7 @@ from freefloat.concurrency import Progress
 from freefloat.io.records.results import save
 from freefloat.io.scenario.scenario import Scenario
 from freefloat.motion.motion import Motion
-from freefloat.motion.problem import Problem
+from freefloat.motion.setting import Setting
 from freefloat.so3 import Array
 from freefloat.visualization.page.playback import Playback
 
@@ -65,14 +65,14 @@ class Analysis(ABC):
         return WorkerAnswer("page", {"html": self._playback.html()})
 
     def _show(
-        self, state: WorkerState, motion: Motion | None, problem: Problem, attitude: Array,
+        self, state: WorkerState, motion: Motion | None, setting: Setting, attitude: Array,
         title: str, outcome: str | None,
     ) -> WorkerAnswer:  # fmt: skip
         """Show a motion with a title and its outcome; without one the attitude and why."""
         self._shown = state.attitude, state.choice
         if motion is None:
             self._playback = None
-            content = {"outcome": outcome, **place(problem, attitude)}
+            content = {"outcome": outcome, **place(setting, attitude)}
         else:
             self._playback = playback_of(motion, self._limits)
             content = motion_answer(motion, self._playback, title, outcome)

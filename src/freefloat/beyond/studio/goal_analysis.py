@@ -15,21 +15,21 @@ from freefloat.errors import InputError
 from freefloat.io.scenario.scenario import Scenario
 from freefloat.kinds import SECTIONS, named
 from freefloat.motion.motion import Motion
-from freefloat.motion.problem import Problem
+from freefloat.motion.setting import JointSetting
 
 
 class GoalAnalysis(Analysis):
     """Answers about a scenario with a goal."""
 
     def __init__(self, state: WorkerState, scenario: Scenario, robots: RobotCache) -> None:
-        """Pose the problem of a scenario.
+        """Pose the goal of a scenario.
 
         Raises:
             InputError: If it is invalid.
         """
         super().__init__(state, robots.with_model(scenario))
         self._posed = named(SECTIONS["goal"].posed)(self._scenario)
-        self._problem: Problem = self._posed.problem
+        self._setting: JointSetting = self._posed.setting
         self._sketched, self._unchecked = False, False
         self._found: Any = None
 
@@ -75,4 +75,4 @@ class GoalAnalysis(Analysis):
 
     def _showing(self, state: WorkerState, motion: Motion | None, outcome: str) -> WorkerAnswer:
         """Show a motion, or the present attitude where there is none."""
-        return self._show(state, motion, self._problem, self._posed.present[0], "goal", outcome)
+        return self._show(state, motion, self._setting, self._posed.present[0], "goal", outcome)

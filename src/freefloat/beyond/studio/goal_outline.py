@@ -14,17 +14,17 @@ def goal_outline(scenario: Scenario, posed: Any) -> dict[str, Any]:
 
     Args:
         scenario: The scenario.
-        posed: What it asks for: ``goal``, ``present`` state and ``problem``.
+        posed: What it asks for: ``goal``, ``present`` state and ``setting``.
     """
-    problem = posed.problem
+    setting = posed.setting
     return {
         "is_goal": True,
-        "planar": problem.has_headings,
-        "normal": problem.plane.normal.tolist() if problem.has_headings else None,
-        "size": thickness(problem),
+        "planar": setting.has_headings,
+        "normal": setting.plane.normal.tolist() if setting.has_headings else None,
+        "size": thickness(setting),
         "lines": [],
         **_handle(scenario, posed),
-        "momentum": problem.momentum.tolist(),
+        "momentum": setting.momentum.tolist(),
         "duration": posed.goal.duration,
         "margin": None,
     }
@@ -32,8 +32,8 @@ def goal_outline(scenario: Scenario, posed: Any) -> dict[str, Any]:
 
 def _handle(scenario: Scenario, posed: Any) -> dict[str, Any]:
     """The handle of the goal's pose, in inertial axes, and its frame; none without a fixed pose."""
-    goal, problem = posed.goal, posed.problem
-    target, body = goal.target(problem, *posed.present), goal.body(problem)
+    goal, setting = posed.goal, posed.setting
+    target, body = goal.target(setting, *posed.present), goal.body(setting)
     if goal.pose is None or (body and body.motion != "fixed"):
         return {"paths": [], "handles": [], "rpy": None}
     pose = target.pose_at(0.0)

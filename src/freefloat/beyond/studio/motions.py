@@ -12,7 +12,7 @@ from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.limits.limits import Limits
 from freefloat.limits.result import LimitResult
 from freefloat.motion.motion import Motion
-from freefloat.motion.problem import Problem
+from freefloat.motion.setting import Setting
 from freefloat.planning.limits.screening import screen
 from freefloat.planning.limits.trials import Trials
 from freefloat.planning.margin_map import HeadingMap
@@ -82,15 +82,15 @@ def motion_answer(
     """The motion as the page plays it, with a title and its outcome, by default its ending."""
     return {
         **playback.parts(),
-        **place(motion.problem, motion.initial.attitude),
+        **place(motion.setting, motion.initial.attitude),
         "title": title,
         "outcome": outcome or motion.outcome,
     }
 
 
-def place(problem: Problem, attitude: Array) -> dict[str, Any]:
+def place(setting: Setting, attitude: Array) -> dict[str, Any]:
     """An attitude as a quaternion, and where the ball and the dial show it."""
-    heading = float(np.degrees(problem.plane.heading(attitude))) if problem.has_headings else None
+    heading = float(np.degrees(setting.plane.heading(attitude))) if setting.has_headings else None
     return {
         "attitude": attitude.tolist(),
         "rotation_vector": rotation_vectors(attitude).tolist(),

@@ -169,10 +169,9 @@ class Trajectory:
         """
         times = np.atleast_1d(np.asarray(times, dtype=float))
         _, attitudes, joints = motion.evaluate(motion.coordinates_at(times))
-        problem = motion.problem
-        law = motion.law
-        n = problem.model.dof
-        effort = law.effort(times, attitudes, joints)
+        setting, model = motion.setting, motion.model
+        n = model.dof
+        effort = motion.law.effort(times, attitudes, joints)
         efforts = np.concatenate(
             [effort.rates, effort.accelerations[:, 6:], effort.joint_torques], axis=1
         )
@@ -182,15 +181,15 @@ class Trajectory:
             efforts, [3, 6, 6 + n, 6 + 2 * n], axis=1
         )
         base_axes = Rotation.from_quat(attitudes)
-        bodies = problem.model.body_poses(attitudes, joints)
-        links = {"": problem.model.end_effector_link, **problem.model.further_arms}
-        places = ((arm, *problem.model.link_places[link]) for arm, link in links.items())
+        bodies = model.body_poses(attitudes, joints)
+        links = {"": model.end_effector_link, **model.further_arms}
+        places = ((arm, *model.link_places[link]) for arm, link in links.items())
         poses = ((arm, bodies[number] @ place) for arm, number, place in places)
         return cls(
             motion=motion,
             times=times,
             attitudes=without_jumps(attitudes),
-            base_positions=problem.model.base_position(attitudes, joints),
+            base_positions=model.base_position(attitudes, joints),
             base_velocities=base_axes.apply(base),
             angular_velocities=base_axes.apply(angular),
             joints=joints,
@@ -201,8 +200,8 @@ class Trajectory:
                 Track(arm, pose.position, frozen(without_jumps(pose.quaternion)))
                 for arm, pose in poses
             ),
-            centre_of_mass_positions=np.outer(times, problem.path.drift),
-            measure=problem.margin.measure(joints),
+            centre_of_mass_positions=np.outer(times, setting.drift),
+            measure=setting.margin.measure(joints),
             header=header,
         )
 

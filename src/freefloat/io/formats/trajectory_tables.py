@@ -46,9 +46,8 @@ class _Columns(NamedTuple):
 
 
 def _groups(trajectory: Trajectory) -> list[_Columns]:
-    problem = trajectory.motion.problem
-    measure = problem.margin.measure
-    model = problem.model
+    setting = trajectory.motion.setting
+    measure, model = setting.margin.measure, setting.model
     fields = _arm_fields(track.arm for track in trajectory.end_effectors)
 
     def space(key: str, values: Array, unit: str, arm: str = "") -> _Columns:
@@ -153,16 +152,16 @@ def _cells(value: Any) -> Any:
 
 def _head(trajectory: Trajectory) -> dict[str, Any]:
     motion = trajectory.motion
-    problem = motion.problem
+    setting = motion.setting
     verdict = {"feasible": trajectory.feasible, "reason": trajectory.reason}
     return {
-        "robot": problem.model.description.source,
-        "end_effector": problem.model.end_effector,
-        "joint_names": list(problem.model.joint_names),
-        "momentum": problem.momentum.tolist(),
-        "wheel_momentum": problem.wheel_momentum.tolist(),
-        "drift": problem.path.drift.tolist(),
-        "measure_name": problem.margin.measure.name,
+        "robot": setting.model.description.source,
+        "end_effector": setting.model.end_effector,
+        "joint_names": list(setting.model.joint_names),
+        "momentum": setting.momentum.tolist(),
+        "wheel_momentum": setting.wheel_momentum.tolist(),
+        "drift": setting.drift.tolist(),
+        "measure_name": setting.margin.measure.name,
         "completed": motion.completed,
         "ending": motion.outcome,
         **({} if trajectory.feasible is None else verdict),

@@ -22,7 +22,6 @@ from freefloat.io.hdf5 import AlteredFileError, read_hdf5, write_hdf5
 from freefloat.io.scenario.arms_section import paths_of_arms
 from freefloat.io.scenario.scenario import Scenario, parse_scenario
 from freefloat.io.scenario.scene_section import parse_shapes, shapes_text
-from freefloat.io.scenario.writing import scenario_of
 from freefloat.kinds import RESULT_KINDS, ResultKind, kind_of, named
 from freefloat.limits.limits import Limits
 from freefloat.motion.problem import Problem
@@ -33,7 +32,7 @@ from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.validation import read_urdf
 from freefloat.verification.leaves import differences
 
-FORMAT_VERSION = 3
+FORMAT_VERSION = 4
 _PREFIX = "freefloat "
 _SOFTWARE = ("freefloat", "pin", "numpy", "scipy")
 UNVERIFIED = (*(f"software_{package}" for package in (*_SOFTWARE, "python")), "document")
@@ -67,23 +66,14 @@ def save(result: Any, path: str | Path) -> None:
     require_type("output", path, str | os.PathLike, "the name of an HDF5 file")
     path = Path(path)
     require_result_name(path)
-    codec = named(kind_of(result, saved=True).codec)
-    problem = getattr(result, "problem", None)
-    described = None if problem is None else _describe(result)
-    holder: Any = problem or result
-    model = holder.model
+    kind = kind_of(result, saved=True)
+    scenario: Scenario | None = named(kind.scenario)(result) if kind.scenario else None
+    model = result.model if scenario is None else scenario.model()
 
-    texts = {**_origin(model, described), "document": json.dumps(result.to_dict(), allow_nan=False)}
+    texts = {**_origin(model, scenario), "document": json.dumps(result.to_dict(), allow_nan=False)}
     tree: Tree = {"format": _PREFIX + result.kind, "version": FORMAT_VERSION, **_software()}
     tree |= {name: Quantity(np.array(text, dtype=object)) for name, text in texts.items()}
-    write_hdf5(path, tree | {"result": codec.encode(result)})
-
-
-def _describe(result: Any) -> Scenario:
-    """A scenario that poses the problem of a result."""
-    search, limits = getattr(result, "search", None), getattr(result, "limits", None)
-    phases, reorient = getattr(result, "following", ()), getattr(result, "reorient", False)
-    return scenario_of(result.problem, search, limits, phases, reorient=reorient)
+    write_hdf5(path, tree | {"result": named(kind.codec).encode(result)})
 
 
 def _software() -> Tree:
@@ -158,7 +148,7 @@ def _kind_of(tree: Tree, path: Path) -> ResultKind:
 
 def _load_record(tree: Tree, kind: ResultKind) -> Any:
     model = _read_robot(tree)
-    scenario = _read_scenario(tree, model) if kind.has_scenario else None
+    scenario = _read_scenario(tree, model) if kind.scenario else None
     known = {"format", "version", "result", "document", *_software(), *_origin(model, scenario)}
     if unknown := tree.keys() - known:
         raise ValueError(f"it has an unknown part {min(unknown)}")

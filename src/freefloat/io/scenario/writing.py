@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -18,9 +18,17 @@ from freefloat.io.scenario.scene_section import file_shapes, scene_content
 from freefloat.kinds import SECTIONS, named
 from freefloat.limits.limits import Limits, limits_for
 from freefloat.motion.problem import Problem
+from freefloat.motion.setting import Setting
 from freefloat.planning.objectives import NAMED, Weights
 from freefloat.planning.settings import Search
 from freefloat.robot.source import URDF_TEXT
+
+
+def scenario_of_result(result: Any) -> Scenario:
+    """The scenario that poses a result of a problem, see :func:`scenario_of`."""
+    search, limits = getattr(result, "search", None), getattr(result, "limits", None)
+    phases, reorient = getattr(result, "following", ()), getattr(result, "reorient", False)
+    return scenario_of(result.problem, search, limits, phases, reorient=reorient)
 
 
 def scenario_of(
@@ -33,9 +41,7 @@ def scenario_of(
 ) -> Scenario:
     """Scenario that poses a problem: the inverse of :meth:`Scenario.problem`.
 
-    Its robot is that of the problem. The text names the URDF that this came from, or, where there
-    is none or parts or masses are not those of the URDF, the file ``robot.urdf``, into which
-    ``problem.model.description.text`` is to be written; files of points are in ``samples``.
+    Its robot is the problem's, see :func:`written_scenario`; files of points are in ``samples``.
 
     Args:
         problem: The problem of the path.
@@ -48,47 +54,82 @@ def scenario_of(
         InputError: If scenario files cannot describe the path of the problem, the objective or a
             phase.
     """
-    model = problem.model
-    unnamed = model.description.altered or model.description.source == URDF_TEXT
     stated, timing = problem.path.stated
     margin = problem.margin
     search = search or Search(joints=problem.start_joints)
-    limits = limits_for(problem, limits) or Limits()
     if type(search.objective) not in (Weights, *map(type, NAMED.values())):
         raise inexpressible("search.objective", search.objective, f"{', '.join(NAMED)}, Weights")
-    shapes = file_shapes(problem.scene)
     path, samples = section_of(stated)
     if problem.path.frame is not None:
         path["frame"] = problem.path.frame
-    sections: dict[str, dict[str, Any]] = {
+    content: dict[str, Any] = {
+        "task": str(problem.task),
+        "path": path,
+        "timing": timing_content(timing),
+        "margin": {"measure": margin.measure.name, "value": float(margin.threshold)},
+        "search": search.to_dict() | ({"reorient": True} if reorient else {}),
+    }
+    if problem.redundancy is not None:
+        content["redundancy"] = problem.redundancy.to_dict()
+        if problem.redundancy.toward is Toward.NONE:
+            content["redundancy"] |= {"gain": None, "bound": None}
+    if phases:
+        content["phases"], further = named(SECTIONS["phases"].content)(phases)
+        samples |= further
+    arms = arms_content(problem.model, problem.arms, sections_of_arms(problem.path))
+    return written_scenario(problem, limits, content, arms, samples)
+
+
+def written_scenario(
+    setting: Setting,
+    limits: Limits | None,
+    content: Mapping[str, Any],
+    arms: Mapping[str, Any] | None = None,
+    samples: Mapping[str, str] | None = None,
+) -> Scenario:
+    """Scenario with a setting, and with what is asked for.
+
+    The text names the URDF that the robot came from, or, where there is none or parts or masses are
+    not those of the URDF, the file ``robot.urdf``, into which ``model.description.text`` is to be
+    written.
+
+    Args:
+        setting: Robot, momentum and scene.
+        limits: Limits to keep; those of the setting when left out.
+        content: What is asked for: further sections, without the keys whose values are None.
+        arms: Section of the arms.
+        samples: Files of points by name.
+    """
+    model, shapes = setting.model, file_shapes(setting.scene)
+    unnamed = model.description.altered or model.description.source == URDF_TEXT
+    limits = limits_for(setting, limits) or Limits()
+    sections: dict[str, Any] = {
         "robot": {
             "urdf": "robot.urdf" if unnamed else model.description.source,
             "end_effector": model.end_effector,
             "base": str(model.base) if model.on_table else None,
             "gravity": model.gravity or None,
             "held": {name: float(value) for name, value in model.fixed_joints.items()},
-            "arms": arms_content(model, problem.arms, sections_of_arms(problem.path)) or None,
+            "arms": arms or None,
         },
-        "path": path,
-        "timing": timing_content(timing),
-        "margin": {"measure": margin.measure.name, "value": float(margin.threshold)},
-        "search": search.to_dict() | ({"reorient": True} if reorient else {}),
+        "momentum": setting.momentum.tolist(),
+        **content,
         "limits": limits_content(limits, model.joint_names),
-        "scene": scene_content(problem.scene),
+        "scene": scene_content(setting.scene),
     }
-    if problem.redundancy is not None:
-        sections["redundancy"] = problem.redundancy.to_dict()
-        if problem.redundancy.toward is Toward.NONE:
-            sections["redundancy"] |= {"gain": None, "bound": None}
-    content = {"task": str(problem.task), "momentum": problem.momentum.tolist()}
-    if problem.wheel_momentum.any():
-        sections["wheels"] = {"momentum": problem.wheel_momentum.tolist()}
-    if problem.path.drifts:
-        content["drift"] = problem.path.drift.tolist()
-    for name, section in sections.items():
-        content[name] = {key: value for key, value in section.items() if value is not None}
-    if phases:
-        content["phases"], further = named(SECTIONS["phases"].content)(phases)
-        samples |= further
-    text = yaml.safe_dump(content, sort_keys=False)
-    return parse_scenario(text, Path("scenario.yaml"), samples, model, shapes)
+    if setting.wheel_momentum.any():
+        sections["wheels"] = {"momentum": setting.wheel_momentum.tolist()}
+    if setting.drifts:
+        sections["drift"] = setting.drift.tolist()
+    text = yaml.safe_dump(
+        {
+            key: _stated(value) if isinstance(value, dict) else value
+            for key, value in sections.items()
+        },
+        sort_keys=False,
+    )
+    return parse_scenario(text, Path("scenario.yaml"), samples or {}, model, shapes)
+
+
+def _stated(section: Mapping[str, Any]) -> dict[str, Any]:
+    return {key: value for key, value in section.items() if value is not None}

@@ -11,7 +11,7 @@ from freefloat.limits.result import LimitResult
 from freefloat.limits.values import OFF, NumberOrOff
 from freefloat.motion.margin import ROUNDING
 from freefloat.motion.motion import Motion
-from freefloat.motion.problem import Problem
+from freefloat.motion.setting import Setting
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.scene.scene import Scene
 
@@ -37,37 +37,37 @@ class ClearanceLimit(Limit[float]):
     decides_sooner = True
     accuracy = 2e-4
 
-    def __init__(self, problem: Problem, bound: float, *, stated: bool = True) -> None:
+    def __init__(self, setting: Setting, bound: float, *, stated: bool = True) -> None:
         """Prepare the pairs.
 
         Args:
-            problem: The problem.
+            setting: Robot and scene.
             bound: The smallest distance [m].
             stated: Whether it was asked for: then visuals of links without collision shapes count,
                 and a ModelError is raised where the robot's shapes cannot be used.
         """
         from freefloat.limits.pairs import CollisionPairs  # coal and trimesh import slowly
 
-        super().__init__(problem, bound)
-        self.pairs = CollisionPairs(problem.model, bound, problem.scene, stated=stated)
+        super().__init__(setting, bound)
+        self.pairs = CollisionPairs(setting.model, bound, setting.scene, stated=stated)
 
     @classmethod
-    def of(cls, problem: Problem, limits: Any) -> Self | None:
+    def of(cls, setting: Setting, limits: Any) -> Self | None:
         """See :class:`~freefloat.limits.limit.Limit`."""
         stated = limits.clearance
         if stated is None:
-            return cls.of_contact(problem)
-        return None if stated == OFF else cls(problem, stated)
+            return cls.of_contact(setting)
+        return None if stated == OFF else cls(setting, stated)
 
     @classmethod
-    def of_contact(cls, problem: Problem) -> Self | None:
+    def of_contact(cls, setting: Setting) -> Self | None:
         """The limit where none is stated: no contact; None where nothing has collision shapes."""
-        if not have_shapes(problem.model, problem.scene):
+        if not have_shapes(setting.model, setting.scene):
             return None
-        limit = cls(problem, 0.0, stated=False)
+        limit = cls(setting, 0.0, stated=False)
         return limit if len(limit.pairs.pairs) or limit.pairs.left_out else None
 
-    def places(self, problem: Problem) -> tuple[str, ...]:
+    def places(self, setting: Setting) -> tuple[str, ...]:
         """See :class:`~freefloat.limits.limit.Limit`."""
         return tuple(map(self.pairs.name, range(len(self.pairs.pairs)))) or (_NO_PAIR,)
 

@@ -7,8 +7,8 @@ import numpy as np
 from freefloat.limits.limit import Limit, place_of_maximum
 from freefloat.limits.result import LimitResult
 from freefloat.motion.motion import Motion
-from freefloat.motion.problem import Problem
 from freefloat.motion.scene_poses import corridor_pose
+from freefloat.motion.setting import Setting
 from freefloat.scene.scene import Corridor
 from freefloat.so3 import Array, IntArray
 
@@ -20,20 +20,20 @@ class CorridorLimit(Limit[Corridor]):
     unit = "m"
 
     @classmethod
-    def bound_of(cls, problem: Problem, limits: object) -> Corridor | None:
+    def bound_of(cls, setting: Setting, limits: object) -> Corridor | None:
         """See :class:`~freefloat.limits.limit.Limit`."""
-        return problem.scene.corridor
+        return setting.scene.corridor
 
-    def places(self, problem: Problem) -> tuple[str, ...]:
+    def places(self, setting: Setting) -> tuple[str, ...]:
         """See :class:`~freefloat.limits.limit.Limit`."""
-        return (problem.model.end_effector,)
+        return (setting.model.end_effector,)
 
     def worst(self, motion: Motion) -> LimitResult:
         """The instant at which the end-effector deviates most from the corridor's axis."""
-        problem, corridor = motion.problem, self.bound
+        setting, corridor = motion.setting, self.bound
 
         def deviation(t: Array, attitudes: Array, joints: Array) -> Array:
-            pose = problem.model.end_effector_pose(attitudes, joints)
+            pose = setting.model.end_effector_pose(attitudes, joints)
             frame = corridor_pose(motion, t, attitudes, joints)
             return np.asarray(corridor.deviation((frame.inverse() @ pose).position))
 
@@ -44,6 +44,6 @@ class CorridorLimit(Limit[Corridor]):
         place = place_of_maximum(motion, squared)
         worst, allowed = deviation(*motion.evaluate(place))[0], corridor.allowed
         return self.result(
-            worst, allowed, worst / allowed, motion.time_at(place), problem.model.end_effector,
+            worst, allowed, worst / allowed, motion.time_at(place), setting.model.end_effector,
             unit=self.unit if corridor.half_angle is None else "rad",
         )  # fmt: skip

@@ -8,7 +8,7 @@ from freefloat.limits.limit import JointLimit
 from freefloat.limits.result import LimitResult
 from freefloat.motion.extrema import joint_extents
 from freefloat.motion.motion import Motion
-from freefloat.motion.problem import Problem
+from freefloat.motion.setting import Setting
 from freefloat.robot.joint_ranges import range_ratios
 from freefloat.so3 import Array
 
@@ -24,9 +24,9 @@ class JointRangeLimit(JointLimit[Ranges]):
     prismatic_unit = "m"
 
     @classmethod
-    def bound_of(cls, problem: Problem, limits: object) -> Ranges | None:
+    def bound_of(cls, setting: Setting, limits: object) -> Ranges | None:
         """See :class:`~freefloat.limits.limit.Limit`."""
-        ranges = problem.model.joint_ranges
+        ranges = setting.model.joint_ranges
         return ranges if np.isfinite(ranges).any() else None
 
     def worst(self, motion: Motion) -> LimitResult:

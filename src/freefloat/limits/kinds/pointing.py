@@ -9,7 +9,7 @@ from freefloat.limits.result import LimitResult
 from freefloat.limits.values import Axes
 from freefloat.motion.motion import Motion
 from freefloat.motion.pointing import Keep, PointingLimit, angle_of
-from freefloat.motion.problem import Problem
+from freefloat.motion.setting import Setting
 from freefloat.so3 import Array, IntArray
 
 
@@ -23,9 +23,9 @@ class PointingLimits(Limit[tuple[PointingLimit, ...]]):
     description = "Axes of links that stay inside or outside cones."
 
     @classmethod
-    def bound_of(cls, problem: Problem, limits: object) -> tuple[PointingLimit, ...] | None:
+    def bound_of(cls, setting: Setting, limits: object) -> tuple[PointingLimit, ...] | None:
         """See :class:`~freefloat.limits.limit.Limit`."""
-        return super().bound_of(problem, limits) or None
+        return super().bound_of(setting, limits) or None
 
     def worst(self, motion: Motion) -> LimitResult:
         """The result of the axis whose angle is largest relative to its limit."""
@@ -33,10 +33,10 @@ class PointingLimits(Limit[tuple[PointingLimit, ...]]):
         return max(results, key=lambda result: result.ratio)
 
     def _of_axis(self, limit: PointingLimit, number: int, motion: Motion) -> LimitResult:
-        model, inside = motion.problem.model, limit.keep is Keep.INSIDE
+        model, inside = motion.model, limit.keep is Keep.INSIDE
 
         def vectors(t: Array, attitudes: Array, joints: Array) -> tuple[Array, Array]:
-            return limit.vectors(model, attitudes, joints, motion.problem.path.origin(t))
+            return limit.vectors(model, attitudes, joints, motion.setting.origin(t))
 
         def cosine(panel: IntArray, x: Array) -> Array:
             """The cosine of the angle; negative where that should be small."""

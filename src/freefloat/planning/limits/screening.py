@@ -106,12 +106,13 @@ def _clearance_deficits(
 
     def deficits_at(t: float, attitudes: Array, joints: Array) -> list[float]:
         """Those of states (K, 4), (K, n) at a time."""
-        poses, distances = pairs.scene.poses(t, path), list[float]()
+        prescribed, distances = path.pose(t), list[float]()
+        poses = pairs.scene.poses(t, path, EndEffectorPoses.on(prescribed))
         for attitude, q in zip(attitudes, joints, strict=True):
             every_joint = problem.all_joints(q, t)
             if pairs.scene.holds:
                 end = problem.model.end_effector_pose(attitude, every_joint)
-                poses = pairs.scene.poses(t, path, EndEffectorPoses(path.pose(t), end))
+                poses = pairs.scene.poses(t, path, EndEffectorPoses(prescribed, end))
             distances.append(pairs.distances(every_joint, every, attitude, poses).min())
         return [max(0.0, pairs.clearance - float(distance) - _SLACK) for distance in distances]
 

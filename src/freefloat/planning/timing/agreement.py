@@ -137,7 +137,7 @@ def _with_fastest_timing(
     motion, start = before.motion, before.motion.initial
     intervals = _FEWER if limits.accelerated else INTERVALS
     for _ in range(_MOST):
-        duration = motion.problem.path.duration
+        duration = motion.law.timing.duration
         speeds = fastest_speeds(motion, limits, _INSIDE, intervals)
         if not speeds:
             return None, False

@@ -128,7 +128,7 @@ class PathLimits:
         if self._by_time:
             drift, q_drift = self._rates(places, still)
         omega, q_rates = omega - drift, q_rates - q_drift
-        speeds = still + _FASTEST / self._motion.problem.path.duration
+        speeds = still + _FASTEST / self._motion.law.timing.duration
         if self._limits.joint_rate is not None:
             left = self._scale * self._limits.joint_rate - np.sign(q_rates) * q_drift
             with np.errstate(divide="ignore"):

@@ -84,7 +84,7 @@ def fastest_speeds(
     if not path_limits.kept_at_ends():
         return ()
     rows = path_limits.rows
-    timing = motion.problem.path.timing
+    timing = motion.law.timing
     if not limits.accelerated:
         knots = np.linspace(0.0, 1.0, intervals + 1)
         x = _largest_squares(knots, rows, np.ones(len(knots)), _GROWTH)

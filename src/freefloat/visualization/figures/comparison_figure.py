@@ -41,11 +41,11 @@ def comparison_figure(motions: Mapping[str, Motion]) -> Figure:
     if not 2 <= len(motions) <= _MOST:
         problem = f"{len(motions)} motions cannot be compared in one figure"
         raise InputError("files", problem, f"2 to {_MOST}")
-    problems = [motion.problem for motion in motions.values()]
+    settings = [motion.setting for motion in motions.values()]
     kinds = {
-        (problem.margin.measure.name, problem.margin.measure.unit, problem.has_headings,
-         joint_scale(problem.model)[1])
-        for problem in problems
+        (setting.margin.measure.name, setting.margin.measure.unit, setting.has_headings,
+         joint_scale(setting.model)[1])
+        for setting in settings
     }  # fmt: skip
     figure = new_figure(PAGE, 5.0)
     panels: Any = figure.subplots(
@@ -64,18 +64,18 @@ def comparison_figure(motions: Mapping[str, Motion]) -> Figure:
 
 def _draw(panels: Any, motion: Motion, longest: int) -> None:
     """Draw the panels of one motion, with at most so many names in a line of a legend."""
-    problem = motion.problem
+    setting = motion.setting
     trajectory = Trajectory.of(motion, shown_times(motion))
-    measure, threshold = problem.margin.measure, problem.margin.threshold
-    scale, unit = joint_scale(problem.model)
-    attitude, angles, names = attitude_curves(problem, trajectory)
+    measure, threshold = setting.margin.measure, setting.margin.threshold
+    scale, unit = joint_scale(setting.model)
+    attitude, angles, names = attitude_curves(setting, trajectory)
     sign = np.sign(trajectory.measure[0])
     panels[0].axhspan(0.0, sign * threshold, color=PALE, linewidth=0.0, zorder=0)
     panels[0].axhline(0.0, color=BLACK, linewidth=0.6)
     curves = [
         (f"$S$ ({measure.title})", trajectory.measure[:, None], ("S",), measure.unit),
-        ("heading" if problem.has_headings else attitude, angles, names, "deg"),
-        ("joints", scale * trajectory.joints, problem.model.joint_names, unit),
+        ("heading" if setting.has_headings else attitude, angles, names, "deg"),
+        ("joints", scale * trajectory.joints, setting.model.joint_names, unit),
     ]
     for panel, drawn in zip(panels, curves, strict=True):
         draw_panel(panel, trajectory, drawn, named=False)

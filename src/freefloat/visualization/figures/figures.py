@@ -19,6 +19,7 @@ from freefloat.limits.result import violated
 from freefloat.motion.extrema import closest_approach
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
+from freefloat.motion.setting import Setting
 from freefloat.planning.answer import Answer
 from freefloat.planning.margin_map import HeadingMap, MarginMap
 from freefloat.planning.motions import evaluator_for
@@ -29,7 +30,7 @@ from freefloat.planning.space.attitude_map import AttitudeMap
 from freefloat.planning.space.mapping import sample_headings
 from freefloat.planning.touching.touch_point import motion_through
 from freefloat.regions.planar_regions import has_two_angle_form
-from freefloat.regions.workspace import Workspace, workspace_regions
+from freefloat.regions.workspace import Workspace, regions_of, workspace_regions
 from freefloat.visualization.figure_style import Drawings, Figures, styled
 from freefloat.visualization.figures.map_figures import (
     histogram_figure,
@@ -40,7 +41,6 @@ from freefloat.visualization.figures.motion_figures import angles_figure, motion
 from freefloat.visualization.figures.planar_figures import headings_figure, joint_space_figure
 from freefloat.visualization.figures.scene_figures import snapshots_figure
 from freefloat.visualization.figures.workspace_figure import workspace_figure
-from freefloat.visualization.scenes.sampled_motion import with_drawn_path
 from freefloat.visualization.slices import Mark, map_marks, map_slices
 
 _HEADINGS = 720
@@ -107,16 +107,20 @@ def _titled(name: str, draw: Callable[[], Figure]) -> Figure:
 
 def drawn_motion_figures(motion: Motion, *_: Any) -> Drawings:
     """The figures of a motion."""
-    drawn = with_drawn_path(motion)
-    closest = closest_approach(drawn, drawn.problem.margin.measure)
-    return _snapshots(drawn) | motion_figures(drawn, closest).drawings
+    closest = closest_approach(motion, motion.setting.margin.measure)
+    return _snapshots(motion) | motion_figures(motion, closest).drawings
 
 
 def _snapshots(motion: Motion) -> Drawings:
     """The robot over its reach and areas, which change where further arms move."""
-    problem = motion.problem
-    one_arm = problem.model.has_one_arm
-    return {"snapshots": lambda: snapshots_figure(motion, _workspace(problem) if one_arm else None)}
+    setting = motion.setting
+    one_arm = setting.model.has_one_arm
+    return {"snapshots": lambda: snapshots_figure(motion, _regions(setting) if one_arm else None)}
+
+
+@lru_cache(maxsize=2)
+def _regions(setting: Setting) -> Workspace:
+    return regions_of(setting)
 
 
 @lru_cache(maxsize=2)

@@ -14,7 +14,7 @@ from freefloat.io.formats.trajectory import Trajectory
 from freefloat.motion.extrema import ClosestApproach
 from freefloat.motion.motion import Ending, Motion
 from freefloat.motion.pointing import AttitudeLimits, Keep, angle_of
-from freefloat.motion.problem import Problem
+from freefloat.motion.setting import Setting
 from freefloat.planning.touching.touch_point import touches
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.rotations import Rotation
@@ -88,10 +88,10 @@ def joint_scale(model: FreeFloatingModel) -> tuple[float, str]:
     return (1.0, "rad, m") if model.prismatic.any() else (np.degrees(1.0), "deg")
 
 
-def attitude_curves(problem: Problem, trajectory: Trajectory) -> tuple[str, Array, Sequence[str]]:
+def attitude_curves(setting: Setting, trajectory: Trajectory) -> tuple[str, Array, Sequence[str]]:
     """Quantity, values [deg], shape (K, 1) or (K, 3), and names of attitude angles."""
-    if problem.has_headings:
-        return "attitude", headings(trajectory.attitudes, problem.plane)[:, None], ("heading",)
+    if setting.has_headings:
+        return "attitude", headings(trajectory.attitudes, setting.plane)[:, None], ("heading",)
     return "x-y-z Euler angles", euler_angles(trajectory.attitudes), _AXES
 
 
@@ -114,17 +114,17 @@ def draw_panel(
 @styled
 def _motion_figure(motion: Motion, trajectory: Trajectory) -> Figure:
     """The figure of joints, attitude, rates and positions (Figs. 8 and 11)."""
-    problem = motion.problem
+    setting = motion.setting
     figure = new_figure(PAGE, 5.0)
     panels = figure.subplots(3, 2, sharex=True)
-    scale, unit = joint_scale(problem.model)
-    joints = problem.model.joint_names
+    scale, unit = joint_scale(setting.model)
+    joints = setting.model.joint_names
     axes: Sequence[str] = _AXES
     level, spun, frame = axes, "xyz", np.eye(3)
-    if problem.has_headings:
-        letters, frame = problem.plane.letters, problem.plane.axes
+    if setting.has_headings:
+        letters, frame = setting.plane.letters, setting.plane.axes
         level, spun = tuple(f"${letter}$" for letter in letters[:2]), letters[2]
-        axes = level if problem.task.planar else _AXES
+        axes = level if setting.task.planar else _AXES
     spins = np.degrees(trajectory.angular_velocities @ frame)[:, 3 - len(spun) :]
     spin_names = [rf"$\omega_{axis}$" for axis in spun]
     rate_unit = ", ".join(f"{part}/s" for part in unit.split(", "))
@@ -135,7 +135,7 @@ def _motion_figure(motion: Motion, trajectory: Trajectory) -> Figure:
     curves = [
         ("joints", scale * trajectory.joints, joints, unit),
         ("joint rates", scale * trajectory.joint_rates, joints, rate_unit),
-        (*attitude_curves(problem, trajectory), "deg"),
+        (*attitude_curves(setting, trajectory), "deg"),
         ("spacecraft rate,\ninertial axes", spins, spin_names, "deg/s"),
         (word, np.hstack(positions), tips, "m"),
         ("spacecraft origin,\ninertial axes", trajectory.base_positions @ frame, level, "m"),
@@ -152,10 +152,10 @@ def _motion_figure(motion: Motion, trajectory: Trajectory) -> Figure:
 
 def mark_times(axes: Any, motion: Motion, named: bool = False) -> None:
     """Set the time axis; mark, and name, stops and the end of a motion that is not completed."""
-    axes.set_xlim(0.0, motion.problem.path.duration)
+    axes.set_xlim(0.0, motion.law.timing.duration)
     if axes.get_subplotspec().is_last_row():
         axes.set_xlabel(axis_label("time", "s"))
-    for index, stop in enumerate(motion.problem.path.timing.stops):
+    for index, stop in enumerate(motion.law.timing.stops):
         label = "at rest" if named and index == 0 else None
         line = {"color": GREY, "linestyle": (0, (4, 3)), "linewidth": 0.8, "zorder": 1}
         axes.axvline(stop.t, label=label, **line)
@@ -177,7 +177,7 @@ def _limit_rates(axes: Any, rates: Array, motion: Motion, times: Array) -> None:
 @styled
 def _margin_figure(motion: Motion, trajectory: Trajectory, closest: ClosestApproach) -> Figure:
     """The figure of S over time with the margin and the closest approach."""
-    measure, threshold = motion.problem.margin.measure, motion.problem.margin.threshold
+    measure, threshold = motion.setting.margin.measure, motion.setting.margin.threshold
     figure = new_figure(height=2.6)
     axes = figure.subplots()
     axes.axhline(0.0, color=BLACK, linewidth=0.6)
@@ -206,8 +206,8 @@ def _momentum_figure(motion: Motion) -> Figure:
 
     With prescribed joints there is no path that the end-effector could leave.
     """
-    follows = motion.curve is None
-    oriented = motion.problem.task.prescribes_orientation
+    follows = motion.law.follows_path
+    oriented = motion.setting.task.prescribes_orientation
     errors = [("momentum", motion.momentum_errors(motion.node_coordinates), ".", BLUE)]
     rows = [(errors, "N m s")]
     if follows:
@@ -263,10 +263,10 @@ def limited_angles(
     motion: Motion, limits: AttitudeLimits
 ) -> Iterator[tuple[str, str, float, Array]]:
     """Yield name, allowed side, allowed angle and angles at the shown times [rad] of each limit."""
-    problem = motion.problem
+    setting = motion.setting
     times, attitudes, joints = motion.evaluate(motion.coordinates_at(shown_times(motion)))
     for number, limit in enumerate(limits.pointing):
-        vectors = limit.vectors(problem.model, attitudes, joints, problem.path.origin(times))
+        vectors = limit.vectors(setting.model, attitudes, joints, setting.origin(times))
         yield limit.title(number), limit.keep, limit.angle, angle_of(*vectors)
     if limits.base_turn is not None:
         turns = angle_between(attitudes, motion.initial.attitude)

@@ -287,7 +287,7 @@ def _draw_motion(
 
     The markers of its ends are in the legend if ``named``, that of a singularity always.
     """
-    heading = np.degrees(motion.problem.plane.heading(motion.initial.attitude))
+    heading = np.degrees(motion.setting.plane.heading(motion.initial.attitude))
     rows = motion_curve(motion)
     label = f"heading {digits(heading)}°" + (f",\n{reason}" if reason else "")
     axes.plot(*rows.T, color=colour, linestyle=dashes, linewidth=1.6, label=label, zorder=4)

@@ -25,7 +25,7 @@ from freefloat.regions.workspace import Workspace
 from freefloat.robot.meshes import Mesh
 from freefloat.robot.shapes import Box, Cylinder, corners
 from freefloat.scene.scene_body import SceneBody
-from freefloat.so3 import Array, cross
+from freefloat.so3 import Array, Pose, cross
 from freefloat.visualization.figure_style import (
     BLACK,
     COLUMN,
@@ -53,6 +53,8 @@ from freefloat.visualization.scenes.visuals import (
 )
 
 _INSTANTS, _VIEWS = 5, 3
+_WAY_POINTS = 301
+"""Points of the lines of paths."""
 """Number of robots drawn in the plane and in space."""
 _LIGHTEST = 0.72
 _FACE = "#D0D0D0"
@@ -96,7 +98,7 @@ def outlines(motion: Motion, times: npt.ArrayLike) -> list[Outline]:
     Raises:
         InputError: If a time lies outside the motion.
     """
-    model = motion.problem.model
+    model = motion.model
     boxes = _spacecraft_boxes(robot_visuals(model))
     box = boxes[0]
     edges = box[[4, 2, 1]] - box[0]
@@ -133,7 +135,7 @@ def snapshots_figure(motion: Motion, workspace: Workspace | None = None) -> Figu
         motion: The motion.
         workspace: Areas drawn behind a planar motion.
     """
-    if motion.problem.task.planar:
+    if motion.setting.task.planar:
         figure = new_figure(COLUMN, COLUMN)
         axes = figure.subplots()
         draw_snapshots(axes, motion, workspace)
@@ -164,9 +166,9 @@ def draw_snapshots(axes: Any, motion: Motion, workspace: Workspace | None) -> No
     """
     if workspace is not None:
         draw_areas(axes, workspace)
-    draw_path(axes, motion.problem, workspace)
+    draw_path(axes, _ways(motion), motion.setting.plane, workspace)
     times = np.linspace(motion.initial.time, motion.final.time, _INSTANTS)
-    robots, plane = outlines(motion, times), motion.problem.plane
+    robots, plane = outlines(motion, times), motion.setting.plane
     _draw_bodies(axes, motion, times)
     shades = [f"{shade:.3f}" for shade in np.linspace(_LIGHTEST, 0.0, _INSTANTS)]
     for k in (0, -1):
@@ -178,13 +180,18 @@ def draw_snapshots(axes: Any, motion: Motion, workspace: Workspace | None) -> No
     _mark_singular(axes, motion, plane)
 
 
+def _ways(motion: Motion) -> list[Pose]:
+    return [*motion.ways(_WAY_POINTS).values()]
+
+
 def _draw_arm(axes: Any, points: Array, shade: str) -> None:
     axes.plot(*points.T, color=shade, markerfacecolor="white", zorder=4, **_ARM)
 
 
 def _mark_singular(axes: Any, motion: Motion, plane: Plane | None = None) -> None:
     if motion.ending is Ending.SINGULAR:
-        position = motion.problem.path.pose(motion.final.time).position
+        final = motion.final
+        position = motion.law.target(final.time, final.attitude, final.joints).position
         if plane is not None:
             position = plane.seen(position)[:2]
         label = f"singular at {digits(motion.final.time)} s"
@@ -193,7 +200,7 @@ def _mark_singular(axes: Any, motion: Motion, plane: Plane | None = None) -> Non
 
 def _draw_in_space(axes: Any, motion: Motion, robot: Outline, time: float) -> None:
     """Draw paths, robot and bodies of the scene at a time [s]."""
-    draw_lines(axes, motion.problem)
+    draw_lines(axes, _ways(motion))
     faces = robot.spacecraft[:, _FACES].reshape(-1, 4, 3)
     style = {"facecolors": _FACE, "edgecolors": GREY, "linewidths": 0.6, "alpha": 0.45}
     axes.add_collection3d(Poly3DCollection(faces, **style))
@@ -206,12 +213,12 @@ def _draw_in_space(axes: Any, motion: Motion, robot: Outline, time: float) -> No
 
 def _draw_bodies(axes: Any, motion: Motion, times: Array) -> None:
     """Draw the outlines of the bodies in the robot's plane, of moving ones at all times [s]."""
-    drifts = motion.problem.path.drifts
+    drifts = motion.setting.drifts
     label: str | None = "other bodies"
     for number, time in enumerate(times.tolist()):
         for body, points in outline_points(motion, time):
             if number == 0 or drifts or body.motion != "fixed":
-                outline = from_above(motion.problem.plane.seen(points))
+                outline = from_above(motion.setting.plane.seen(points))
                 axes.add_patch(Polygon(outline, label=label, **_BODY))
                 label = None
 
@@ -226,7 +233,7 @@ def outline_points(motion: Motion, time: float) -> Iterator[tuple[SceneBody, Arr
     """Yield each shape of the bodies at a time [s] as points in the inertial frame [m], (K, 3)."""
     _, attitudes, joints = motion.evaluate(motion.coordinates_at([time]))
     poses = scene_poses(motion, time, attitudes[0], joints[0])
-    for body, pose in zip(motion.problem.scene.bodies, poses, strict=True):
+    for body, pose in zip(motion.setting.scene.bodies, poses, strict=True):
         for points in _body_points(body):
             yield body, pose.position + points @ pose.rotation.T
 

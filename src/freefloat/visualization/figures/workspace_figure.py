@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from typing import Any
 
@@ -15,7 +15,7 @@ from freefloat.motion.problem import Problem
 from freefloat.paths.timed_path import TimedPath
 from freefloat.regions.planar_regions import Interval
 from freefloat.regions.workspace import Workspace
-from freefloat.so3 import Array
+from freefloat.so3 import Array, Pose
 from freefloat.visualization.figure_style import (
     BLACK,
     BLUE,
@@ -50,7 +50,7 @@ def workspace_figure(problem: Problem, workspace: Workspace) -> Figure:
         figure = new_figure(COLUMN, COLUMN)
         axes = figure.subplots()
         draw_areas(axes, workspace)
-        draw_path(axes, problem, workspace)
+        draw_path(axes, _paths(problem), problem.plane, workspace)
         points = _sampled_path(problem.path, workspace.offset)
         _draw_crossings(axes, workspace, problem.plane.seen(points)[:, :2])
         legend_above(axes, columns=3)
@@ -163,12 +163,18 @@ def draw_areas(axes: Any, workspace: Workspace) -> None:
     draw_point(axes, np.zeros(2), "+", 6.0, color=BLACK, label="centre of mass")
 
 
-def draw_path(axes: Any, problem: Problem, workspace: Workspace | None) -> None:
-    """Draw planar paths and the path of the reference point (point 3 of the paper)."""
-    plane = problem.plane
-    draw_lines(axes, problem, plane)
+def _paths(problem: Problem) -> list[Pose]:
+    return [path.pose_at(_S) for path in problem.path.every]
+
+
+def draw_path(axes: Any, paths: Sequence[Pose], plane: Plane, workspace: Workspace | None) -> None:
+    """Draw planar paths and the path of the reference point (point 3 of the paper).
+
+    Paths are those of all end-effectors as K poses each, in the plane.
+    """
+    draw_lines(axes, paths, plane)
     if workspace is not None and workspace.offset.any():
-        points = _sampled_path(problem.path, workspace.offset)
+        points = paths[0].position + paths[0].rotation @ workspace.offset
         style = {"color": GREEN, "linestyle": "--", "linewidth": 1.3}
         axes.plot(*plane.seen(points)[:, :2].T, label=workspace.point, **style)
     axes.set_aspect("equal")
@@ -176,10 +182,10 @@ def draw_path(axes: Any, problem: Problem, workspace: Workspace | None) -> None:
     axes.set_ylabel(axis_label(f"${plane.letters[1]}$", "m"))
 
 
-def draw_lines(axes: Any, problem: Problem, plane: Plane | None = None) -> None:
-    """Draw the paths of all end-effectors, with both ends."""
-    for number, timed in enumerate(problem.path.every):
-        path, named = _sampled_path(timed), number == 0
+def draw_lines(axes: Any, paths: Sequence[Pose], plane: Plane | None = None) -> None:
+    """Draw the paths of all end-effectors, as K poses each, with both ends."""
+    for number, poses in enumerate(paths):
+        path, named = poses.position, number == 0
         if plane is not None:
             path = plane.seen(path)[:, :2]
         line = {"color": BLUE, "linestyle": "-", "linewidth": 1.6}

@@ -10,7 +10,7 @@ from meshcat import geometry as g
 from trimesh.creation import icosphere, revolve
 
 from freefloat.motion.motion import Ending, Motion
-from freefloat.motion.problem import Problem
+from freefloat.motion.setting import Setting
 from freefloat.regions.workspace import Workspace
 from freefloat.so3 import Array, IntArray, Pose
 from freefloat.visualization.scenes.description import Label
@@ -33,26 +33,28 @@ _AXES = (0.90, 0.25, 0.20, 1.0), (0.25, 0.75, 0.30, 1.0), (0.30, 0.50, 1.00, 1.0
 
 Surface = tuple[Array, IntArray]
 """Vertices (V, 3) [m] and faces (F, 3)."""
+_WAY_POINTS = 201
+"""Points of the line of a path."""
 SIDES = 10
 """Corners of the cross-section of a tube."""
 _AROUND = 96
 """Corners of the cross-section of a surface of revolution."""
 
 
-def thickness(problem: Problem) -> float:
+def thickness(setting: Setting) -> float:
     """The radius of lines [m]."""
-    return 0.006 * problem.reach()
+    return 0.006 * setting.reach()
 
 
-def draw_path(builder: SceneBuilder, root: str, problem: Problem) -> list[Label]:
+def draw_path(builder: SceneBuilder, root: str, motion: Motion) -> list[Label]:
     """Draw paths as thin tubes; return the labels of their ends."""
     labels = []
-    for name, path in zip(("", *problem.path.arms), problem.path.every, strict=True):
-        points = path.pose_at(np.linspace(0.0, 1.0, 201)).position
+    for name, poses in motion.ways(_WAY_POINTS).items():
+        points = poses.position
         if not np.ptp(points, axis=0).any():
             labels.append(Label(f"{name} path".strip(), points[0].tolist(), PATH))
             continue
-        line = tube(points, 0.5 * thickness(problem))
+        line = tube(points, 0.5 * thickness(motion.setting))
         builder.mesh(f"{root}/{PATH}/{name}".rstrip("/"), line, _PALE, shaded=False)
         for text, point in (("start", points[0]), ("end", points[-1])):
             labels.append(Label(f"{name} {text}".strip(), point.tolist(), PATH))
@@ -60,24 +62,28 @@ def draw_path(builder: SceneBuilder, root: str, problem: Problem) -> list[Label]
 
 
 def draw_trail(
-    builder: SceneBuilder, path: str, problem: Problem, points: Array, colours: Array
+    builder: SceneBuilder, path: str, size: float, points: Array, colours: Array
 ) -> None:
-    """Draw positions of an end-effector [m], shape (K, 3), as a thick tube, unless it rests."""
-    size = thickness(problem)
+    """Draw positions of an end-effector [m], shape (K, 3), as a thick tube, unless it rests.
+
+    The tube has the radius ``size`` [m].
+    """
     if np.ptp(points, axis=0).max() > 1e-4 * size:
         vertices, faces = tube(points, size)
         builder.coloured_mesh(path, vertices, faces, np.repeat(colours, SIDES, axis=0))
 
 
-def draw_areas(builder: SceneBuilder, root: str, problem: Problem, areas: Workspace) -> None:
+def draw_areas(builder: SceneBuilder, root: str, motion: Motion, areas: Workspace) -> None:
     """Draw path-dependent and path-independent areas: rings in the plane, spheres in space."""
     kinds = [(areas.path_dependent, _DEPENDENT), (areas.path_independent, _INDEPENDENT)]
     parts = [(interval, colour) for intervals, colour in kinds for interval in intervals or ()]
+    setting, first = motion.setting, motion.initial
+    start = setting.model.end_effector_pose(first.attitude, first.joints)
     for number, ((inner, outer), colour) in enumerate(sorted(parts), start=1):
         path = f"{root}/{AREAS}/{number}"
-        if problem.has_headings:
-            plane = problem.plane
-            level = float(plane.normal @ problem.path.path.curve(0.0)) - 3.0 * thickness(problem)
+        if setting.has_headings:
+            plane = setting.plane
+            level = float(plane.normal @ start.position) - 3.0 * thickness(setting)
             vertices, faces = surface_of_revolution([level, level], [inner, outer])
             builder.mesh(path, (vertices @ plane.axes.T, faces), (*colour, 0.25), shaded=False)
         else:
@@ -95,14 +101,14 @@ def draw_table(builder: SceneBuilder, root: str, corners: Array) -> None:
     builder.mesh(f"{root}/{TABLE}", g.Box([width, width, thick]), _GRANITE)
 
 
-def draw_centre(builder: SceneBuilder, root: str, problem: Problem) -> list[Label]:
+def draw_centre(builder: SceneBuilder, root: str, setting: Setting) -> list[Label]:
     """Draw the centre of mass and, from it, the angular momentum as an arrow."""
-    size = thickness(problem)
+    size = thickness(setting)
     builder.mesh(f"{root}/{CENTRE}", g.Sphere(2.5 * size), _GOLD, overlay=True)
-    magnitude = float(np.linalg.norm(problem.momentum))
+    magnitude = float(np.linalg.norm(setting.momentum))
     if magnitude == 0.0:
         return []
-    end = 60.0 * size * problem.momentum / magnitude
+    end = 60.0 * size * setting.momentum / magnitude
     builder.mesh(f"{root}/{MOMENTUM}", arrow(end, 0.8 * size), _GOLD, overlay=True)
     return [Label(f"h = {magnitude:.3g} N m s", end.tolist(), MOMENTUM)]
 
@@ -119,9 +125,9 @@ def draw_ending(builder: SceneBuilder, root: str, motion: Motion) -> list[Label]
     if motion.ending is Ending.COMPLETED:
         return []
     final = motion.final
-    position = motion.problem.model.end_effector_pose(final.attitude, final.joints).position
+    position = motion.model.end_effector_pose(final.attitude, final.joints).position
     path = f"{root}/{SINGULARITY}/mark"  # the track hides the mark, the user its parent
-    builder.mesh(path, g.Sphere(3.0 * thickness(motion.problem)), _RED, overlay=True)
+    builder.mesh(path, g.Sphere(3.0 * thickness(motion.setting)), _RED, overlay=True)
     builder.place(path, Pose(position, np.eye(3)))
     builder.appear(path, final.time)
     word = "singular" if motion.ending is Ending.SINGULAR else "below the margin"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -10,10 +10,6 @@ from matplotlib.colors import to_hex
 
 from freefloat.motion.motion import Motion
 from freefloat.motion.pointing import Keep, PointingLimit
-from freefloat.paths.curves import SplineCurve
-from freefloat.paths.orientation import OrientationSpline
-from freefloat.paths.path import EndEffectorPath
-from freefloat.paths.timed_path import TimedPath
 from freefloat.regions.workspace import Workspace
 from freefloat.rotations import Rotation
 from freefloat.scene.tumbling import Tumbling
@@ -59,7 +55,7 @@ def key_times(motion: Motion, limit: int = MAX_KEYS) -> Array:
         limit: Maximum number of key frames.
     """
     first, last = float(motion.times.min()), float(motion.times.max())
-    bodies = motion.problem.scene.bodies
+    bodies = motion.setting.scene.bodies
     tumbling = [body.motion for body in bodies if isinstance(body.motion, Tumbling)]
     turns = max((body.revolutions(last - first) for body in tumbling), default=0.0)
     count = int(np.ceil(max(_RATE * min(last - first, _PLAYBACK), _PER_TURN * turns))) + 1
@@ -67,23 +63,6 @@ def key_times(motion: Motion, limit: int = MAX_KEYS) -> Array:
     nodes = motion.times[:: 1 + 2 * len(motion.times) // limit]
     times = np.concatenate([np.linspace(first, last, count), nodes]).astype(np.float32)
     return np.unique(np.clip(times.astype(float), first, last))
-
-
-def with_drawn_path(motion: Motion) -> Motion:
-    """The motion, whose problem has the path that the end-effector takes.
-
-    That of prescribed joints is a spline through its poses at the nodes.
-    """
-    if motion.curve is None:
-        return motion
-    problem = motion.problem
-    poses = problem.model.end_effector_pose(motion.attitudes, motion.joints)
-    timing, drift = problem.path.timing, problem.path.drift
-    points, s = poses.position + np.outer(motion.times, drift), timing.s(motion.times)
-    path = EndEffectorPath(SplineCurve(points, s), OrientationSpline(poses.quaternion, s))
-    if not path.moves:
-        return motion
-    return replace(motion, problem=replace(problem, path=TimedPath(path, timing, drift)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,13 +105,13 @@ class SampledMotion:
         limit: int,
     ) -> SampledMotion:
         """A motion at no more key times than a limit."""
-        problem = motion.problem
+        setting = motion.setting
         times = key_times(motion, limit)
         parameters = motion.coordinates_at(times)
         # Exact end points: a singular motion has no state after its end.
         parameters[[0, -1]] = motion.coordinates_at([motion.times.min(), motion.times.max()])
         joints = motion.evaluate(parameters)[2]
-        values, fractions = abs(problem.margin.measure(joints)), problem.path.timing.s(times)
+        values, fractions = abs(setting.margin.measure(joints)), motion.law.timing.s(times)
         poses = body_poses(motion, parameters)
         samples = (times, *poses, joints, values, fractions)
         return cls(
@@ -175,18 +154,18 @@ class PointingCone:
     @classmethod
     def of(cls, sampled: SampledMotion, number: int, limit: PointingLimit) -> PointingCone:
         """The cone of a numbered limit along a motion."""
-        problem, times = sampled.motion.problem, sampled.times
-        body, place = problem.model.link_places[limit.body]
+        setting, times = sampled.motion.setting, sampled.times
+        body, place = setting.model.link_places[limit.body]
         rotations = sampled.rotations[:, body]
         origins = sampled.positions[:, body] + rotations @ place.position
         if limit.point is None:
             sights = np.tile(np.asarray(limit.direction), (len(times), 1))
         else:
-            sights = limit.point + problem.path.origin(times) - origins
+            sights = limit.point + setting.origin(times) - origins
         targets = sights / np.linalg.norm(sights, axis=1, keepdims=True)
         corners = largest_box(sampled.visuals, body) - place.position
         farthest = float(np.linalg.norm(corners, axis=1).max())
-        length = max(_BEYOND * farthest, _SHORTEST * thickness(problem))
+        length = max(_BEYOND * farthest, _SHORTEST * thickness(setting))
         return cls(number, limit, times, origins, rotations @ place.rotation, targets, length)
 
     @property

@@ -48,7 +48,6 @@ from freefloat.visualization.scenes.sampled_motion import (
     MAX_KEYS,
     POINTING,
     SampledMotion,
-    with_drawn_path,
 )
 from freefloat.visualization.scenes.scene_builder import ROOT, PageScene, SceneBuilder, node
 from freefloat.visualization.scenes.visuals import (
@@ -135,16 +134,16 @@ def motion_scene(
     limit = MAX_KEYS // len(nodes)
     samples = [
         SampledMotion.of(
-            motion, visuals_of(motion.problem.model), areas_of(motion.problem), pointing, limit
+            motion, visuals_of(motion.model), areas_of(motion.setting), pointing, limit
         )
-        for motion in map(with_drawn_path, motions.values())
+        for motion in motions.values()
     ]
     places = places or [Place()] * len(samples)
     start = places[0].start
     places = [replace(place, start=place.start - start) for place in places]
-    problem = samples[0].motion.problem
-    planar = problem.task.planar
-    scale = MarginColours.over(problem.margin, [sampled.values for sampled in samples])
+    setting = samples[0].motion.setting
+    planar = setting.task.planar
+    scale = MarginColours.over(setting.margin, [sampled.values for sampled in samples])
     builder = SceneBuilder()
     broken = violations or {}
     scenes = tuple(
@@ -153,7 +152,7 @@ def motion_scene(
     )
     others = dict.fromkeys(item for sampled in samples for item in sampled.surroundings.items)
     others |= {POINTING: None} if pointing else {}
-    others |= {TABLE: None} if problem.model.on_table else {}
+    others |= {TABLE: None} if setting.model.on_table else {}
     items = {item: item != AREAS or planar for item in (ROBOT, *ITEMS, *others)}
     remarks = dict.fromkeys(
         text
@@ -171,8 +170,8 @@ def _require_same_margin(motions: Mapping[str, Motion]) -> None:
     """Raise InputError unless the motions share the measure, the margin and the dimension."""
     margins: dict[str, str] = {}
     for name, motion in motions.items():
-        margin = motion.problem.margin
-        dimension = "planar" if motion.problem.task.planar else "spatial"
+        margin = motion.setting.margin
+        dimension = "planar" if motion.setting.task.planar else "spatial"
         margins.setdefault(f"{margin.measure.name} {margin.threshold:.6g} ({dimension})", name)
     if len(margins) > 1:
         problem = "; ".join(f"the margin of {name} is {margin}" for margin, name in margins.items())
@@ -191,46 +190,46 @@ def _draw(
     """Draw a motion below the node of its title; return its description."""
     motion = sampled.motion
     builder.start = place.start
-    problem = motion.problem
+    setting = motion.setting
     root = f"{ROOT}/{node(title)}"
-    times, areas, size = sampled.times, sampled.areas, thickness(problem)
-    colours = replace(scale, margin=problem.margin)
+    times, areas, size = sampled.times, sampled.areas, thickness(setting)
+    colours = replace(scale, margin=setting.margin)
     positions = sampled.positions.swapaxes(0, 1)
     quaternions = [
         Rotation.from_matrix(sampled.rotations[:, body]).as_quat() for body in range(len(positions))
     ]
-    bodies = [f"{root}/{ROBOT}/{node(link)}" for link in problem.model.body_names]
+    bodies = [f"{root}/{ROBOT}/{node(link)}" for link in setting.model.body_names]
     for visual in sampled.visuals.shapes:
         builder.visual(f"{bodies[visual.body]}/{node(visual.name)}", visual)
-    labels = draw_path(builder, root, problem)
-    labels += draw_centre(builder, root, problem) + draw_ending(builder, root, motion)
+    labels = draw_path(builder, root, motion)
+    labels += draw_centre(builder, root, setting) + draw_ending(builder, root, motion)
     labels += sampled.surroundings.draw(builder, root)
     labels += [cone.draw(builder, root, size) for cone in sampled.cones]
     moved = {path: body for body, path in enumerate(bodies)}
     axes = {BASE_AXES: 0}
-    for body, link in enumerate(tip_links(problem.model), len(bodies)):
+    for body, link in enumerate(tip_links(setting.model), len(bodies)):
         axes[f"{END_EFFECTOR_AXES}/{node(link)}"] = body
         path = f"{root}/{TRAIL}/{node(link)}"
-        draw_trail(builder, path, problem, positions[body], colours(sampled.values))
+        draw_trail(builder, path, size, positions[body], colours(sampled.values))
     for item, body in axes.items():
         draw_axes(builder, f"{root}/{item}", _AXIS * size, 0.5 * size)
         moved[f"{root}/{item}"] = body
     for path, body in moved.items():
         builder.move(path, times, positions[body], quaternions[body])
-    if problem.model.on_table:
+    if setting.model.on_table:
         boxes = [bounding_box(shape) for shape in sampled.visuals.shapes if shape.body == 0]
         draw_table(builder, root, sampled.carried(0, np.vstack(boxes)))
     if areas is not None:
-        draw_areas(builder, root, problem, areas)
+        draw_areas(builder, root, motion, areas)
         path = f"{root}/{AREAS}/{areas.point}"
         builder.mesh(path, g.Sphere(2.0 * size), _POINT_COLOUR)
         points = positions[-1] + sampled.rotations[:, -1] @ areas.offset
         builder.move(path, times, points, quaternions[-1])
-    model, joints = problem.model, sampled.joints.T.round(5).tolist()
+    model, joints = setting.model, sampled.joints.T.round(5).tolist()
     trail = Trail(
         (place.start + times).round(6).tolist(),
         [float(f"{value:.6g}") for value in sampled.values],
-        sampled.fractions.round(6).tolist() if motion.curve is None else None,
+        sampled.fractions.round(6).tolist() if motion.law.follows_path else None,
         6 * SIDES,
         list(zip(model.joint_names, model.prismatic.tolist(), joints, strict=True)),
     )
@@ -242,7 +241,7 @@ def _draw(
         begin=place.start + float(times[0]),
         end=place.start + float(times[-1]),
         origin=np.asarray(place.origin).round(6).tolist(),
-        margin=problem.margin.threshold,
+        margin=setting.margin.threshold,
         ending=motion.ending.name.lower(),
         verdict=motion.outcome if event is None else f"{motion.outcome} Kind: {event.kind}.",
         trail=trail,
@@ -256,14 +255,14 @@ def _view(samples: Sequence[SampledMotion], places: Sequence[Place], planar: boo
     for sampled, place in zip(samples, places, strict=True):
         parts += [np.asarray(place.origin) + points for points in _extent(sampled)]
         if planar and sampled.areas is not None:
-            axes = sampled.motion.problem.plane.axes[:, :2].T
+            axes = sampled.motion.setting.plane.axes[:, :2].T
             parts += [sampled.areas.reach[1] * axes, -sampled.areas.reach[1] * axes]
     points = np.vstack(parts)
     points = points[scipy.spatial.ConvexHull(points, qhull_options="QJ").vertices]
     centre = (points.min(axis=0) + points.max(axis=0)) / 2.0
     others = [place for sampled in samples for place in sampled.surroundings.places()]
     direction = view_direction([sampled.positions for sampled in samples], others)
-    plane = samples[0].motion.problem.plane if planar else None
+    plane = samples[0].motion.setting.plane if planar else None
     level = plane is not None and plane.is_level
     if plane is not None:
         direction = np.array([0.0, -0.02, 1.0]) if level else plane.normal
@@ -282,7 +281,7 @@ def _extent(sampled: SampledMotion) -> list[Array]:
     Corners further from their body's origin than the arm is long, as those of solar panels, are
     left out.
     """
-    problem = sampled.motion.problem
+    setting = sampled.motion.setting
     chosen = np.unique(np.linspace(0, len(sampled.times) - 1, _INSTANTS).astype(int))
     length = np.linalg.norm(np.diff(sampled.positions[0], axis=0), axis=1).sum()
     parts = [*sampled.surroundings.extent(), *(cone.extent() for cone in sampled.cones)]
@@ -290,6 +289,6 @@ def _extent(sampled: SampledMotion) -> list[Array]:
         corners = bounding_box(shape)
         near = corners[np.linalg.norm(corners, axis=1) <= length]
         parts.append(sampled.carried(shape.body, near, chosen))
-    axes = _AXIS * thickness(problem) * np.eye(3)
-    framed = (0, *range(len(problem.model.bodies), sampled.positions.shape[1]))
+    axes = _AXIS * thickness(setting) * np.eye(3)
+    framed = (0, *range(len(setting.model.bodies), sampled.positions.shape[1]))
     return [*parts, *(sampled.carried(body, axes, chosen) for body in framed)]

@@ -1,4 +1,4 @@
-"""The scene of a problem on the page: bodies beside the robot, and the corridor."""
+"""The scene of a motion on the page: bodies beside the robot, and the corridor."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from itertools import product
 import numpy as np
 
 from freefloat.motion.motion import Motion
-from freefloat.motion.problem import Problem
 from freefloat.motion.scene_poses import corridor_pose, scene_poses
 from freefloat.scene.scene import Corridor
 from freefloat.scene.scene_body import SceneBody
@@ -49,17 +48,17 @@ def body_visuals(number: int, body: SceneBody) -> Visuals:
 
 @dataclass(frozen=True, eq=False)
 class Surroundings:
-    """The scene of a problem at key times of a motion.
+    """The scene at key times of a motion.
 
     Attributes:
-        problem: The problem.
+        motion: The motion.
         times: The key times [s], shape (K,).
         poses: Frames of the bodies at these times.
         corridor: Frames of the corridor at these times; None without one.
         visuals: Their shapes.
     """
 
-    problem: Problem
+    motion: Motion
     times: Array
     poses: tuple[Pose, ...]
     corridor: Pose | None
@@ -68,15 +67,15 @@ class Surroundings:
     @classmethod
     def of(cls, motion: Motion, times: Array, places: Array) -> Surroundings:
         """The surroundings of a motion at some times [s], whose panel coordinates are given."""
-        scene, states = motion.problem.scene, (times, *motion.evaluate(places)[1:])
+        scene, states = motion.setting.scene, (times, *motion.evaluate(places)[1:])
         corridor = None if scene.corridor is None else corridor_pose(motion, *states)
         visuals = tuple(body_visuals(k, body) for k, body in enumerate(scene.bodies))
-        return cls(motion.problem, times, scene_poses(motion, *states), corridor, visuals)
+        return cls(motion, times, scene_poses(motion, *states), corridor, visuals)
 
     @property
     def items(self) -> tuple[str, ...]:
         """The items of the page that it has."""
-        scene = self.problem.scene
+        scene = self.motion.setting.scene
         return (BODIES,) * bool(scene.bodies) + (CORRIDOR,) * (scene.corridor is not None)
 
     @property
@@ -99,17 +98,17 @@ class Surroundings:
 
     def draw(self, builder: SceneBuilder, root: str) -> list[Label]:
         """Draw the bodies and the corridor below a node; return the labels of the bodies."""
-        labels = []
-        for number, body in enumerate(self.problem.scene.bodies):
+        labels, setting = [], self.motion.setting
+        for number, body in enumerate(setting.scene.bodies):
             path = f"{root}/{BODIES}/{node(body.name)}"
             for visual in self.visuals[number].shapes:
                 builder.visual(f"{path}/{visual.name}", visual)
             _move(builder, path, self.times, self.poses[number])
-            if body.motion != "target" and not self.problem.path.drifts:  # labels do not move
+            if body.motion != "target" and not setting.drifts:  # labels do not move
                 com = body.motion.com if isinstance(body.motion, Tumbling) else np.zeros(3)
                 place = body.position + body.orientation @ com
                 labels.append(Label(body.name, place.tolist(), BODIES))
-        corridor, path = self.problem.scene.corridor, f"{root}/{CORRIDOR}"
+        corridor, path = setting.scene.corridor, f"{root}/{CORRIDOR}"
         if corridor is not None and self.corridor is not None:
             surface = _corridor_surface(corridor, self._path_in_corridor())
             builder.mesh(path, surface, _CORRIDOR, shaded=False)
@@ -118,9 +117,11 @@ class Surroundings:
 
     def _path_in_corridor(self) -> Array:
         """Points of the path in the corridor's frame [m], shape (K, 3)."""
-        path, times = self.problem.path, np.linspace(0.0, self.problem.path.duration, 101)
-        frames = self.problem.scene.corridor_pose(times, path)
-        return (frames.inverse() @ path.pose(times)).position
+        motion, times = self.motion, np.linspace(0.0, self.motion.law.timing.duration, 101)
+        known = np.clip(times, motion.times.min(), motion.times.max())
+        states = times, *motion.evaluate(motion.coordinates_at(known))[1:]
+        frames = corridor_pose(motion, *states)
+        return (frames.inverse() @ motion.law.target(*states)).position
 
 
 def _corridor_surface(corridor: Corridor, path: Array) -> Surface:

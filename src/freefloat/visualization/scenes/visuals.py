@@ -64,7 +64,7 @@ def body_poses(motion: Motion, parameters: Array) -> tuple[Array, Array]:
         of the spacecraft's root link, of every joint, and of the E end-effectors of
         :func:`tip_links`.
     """
-    model = motion.problem.model
+    model = motion.model
     _, attitudes, joints = motion.evaluate(parameters)
     bodies = model.body_poses(attitudes, joints)
     tips = (model.link_places[link] for link in tip_links(model))

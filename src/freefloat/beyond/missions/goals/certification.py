@@ -13,8 +13,9 @@ from freefloat.limits.kinds.clearance import ClearanceLimit
 from freefloat.limits.kinds.joint_torque import JointTorqueLimit
 from freefloat.limits.result import LimitResult
 from freefloat.motion.joint_integration import integrate_spline
+from freefloat.motion.law import JointLaw
 from freefloat.motion.motion import Motion
-from freefloat.motion.problem import Problem
+from freefloat.motion.setting import JointSetting
 from freefloat.so3 import Array
 
 FINAL = TermWeights(1e-3, 1e3)
@@ -56,13 +57,13 @@ class Certification:
     """What precise motions are checked with.
 
     Attributes:
-        problem: Robot, momentum, scene and drift.
+        setting: Robot, momentum, scene and drift.
         checker: Of the limits.
         attitude: Of the spacecraft at the start, unit quaternion x, y, z, w.
         by_time: Whether the motion is another one at another duration.
     """
 
-    problem: Problem
+    setting: JointSetting
     checker: LimitChecker
     attitude: Array
     by_time: bool
@@ -152,6 +153,5 @@ class Certification:
     def along(self, relaxation: Relaxation, unknowns: Array) -> Motion:
         """The motion along a path, whatever it violates and wherever it ends exactly."""
         relaxation.effort.take(_WORK * relaxation.paths.all_spans)
-        path = self.problem.path.lasting(float(unknowns[-1]))
-        problem = replace(self.problem, path=path)
-        return integrate_spline(problem, relaxation.paths.spline(unknowns), self.attitude)
+        law = JointLaw(self.setting, relaxation.paths.spline(unknowns), float(unknowns[-1]))
+        return integrate_spline(law, self.attitude)

@@ -16,7 +16,7 @@ from freefloat.beyond.missions.goals.scene_frames import Placed, SceneFrames, Sc
 from freefloat.beyond.missions.goals.violations import GoalViolations
 from freefloat.limits.kinds.clearance import ClearanceLimit
 from freefloat.limits.result import LimitResult
-from freefloat.motion.problem import Problem
+from freefloat.motion.setting import Setting
 from freefloat.so3 import Array, IntArray
 
 if TYPE_CHECKING:  # coal and trimesh import slowly
@@ -67,16 +67,16 @@ class _Seen(NamedTuple):
 class Clearances:
     """Distances of the pairs of a robot and its scene along joint paths."""
 
-    def __init__(self, problem: Problem, pairs: CollisionPairs, clearance: float) -> None:
+    def __init__(self, setting: Setting, pairs: CollisionPairs, clearance: float) -> None:
         """Prepare the pairs; the margins grow by :meth:`widen`.
 
         Args:
-            problem: Robot, scene and drift, whatever its duration.
+            setting: Robot, scene and drift.
             pairs: The pairs that keep the clearance.
             clearance: The clearance [m].
         """
-        self._problem, self._pairs, self._clearance = problem, pairs, clearance
-        self._arm, self._bodies = PlacedArm.of(problem.model), pairs.bodies
+        self._setting, self._pairs, self._clearance = setting, pairs, clearance
+        self._arm, self._bodies = PlacedArm.of(setting.model), pairs.bodies
         centres, radii = pairs.spheres
         balls = np.column_stack([self._bodies.ravel(), centres.reshape(-1, 3), radii.ravel()])
         self._balls, numbers = np.unique(balls, axis=0, return_inverse=True)
@@ -85,7 +85,7 @@ class Clearances:
         self._margins = np.full(len(pairs.pairs), _MARGIN)
         self._known = np.full(len(pairs.pairs), np.inf)
         self._seen = dict[int, _Seen]()
-        self._scene = SceneFrames(problem)
+        self._scene = SceneFrames(setting)
 
     @property
     def required(self) -> Array:
@@ -161,7 +161,7 @@ class Clearances:
     def _edges(self, paths: JointPaths) -> IntArray:
         """Ends of intervals to look at: of equal loops the first one and where others differ."""
         every = np.arange(1, len(paths.times))
-        still = not self._problem.scene.bodies and paths.closed
+        still = not self._setting.scene.bodies and paths.closed
         if paths.loops <= 2 or not still:
             return every
         loop, ends = len(every) // paths.loops, _ENDS * len(every) // paths.all_spans

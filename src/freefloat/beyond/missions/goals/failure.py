@@ -67,8 +67,8 @@ def _at_the_goal(outcome: GoalMotion, search: GoalSearch, seed: int, goal_words:
 def _violation(outcome: GoalMotion, course: JointCourse) -> LimitResult | None:
     """The limit that the state at the end of a path violates; None where it keeps all."""
     duration = float(course.duration)
-    there = earlier(outcome.problem, -duration)
-    limits = outcome.limits.seen_from(duration * outcome.problem.path.drift)
+    there = earlier(outcome.setting, -duration)
+    limits = outcome.limits.seen_from(duration * outcome.setting.drift)
     attitude = Rotation.from_matrix(course.attitudes[-1]).as_quat()
     checker = LimitChecker(there, limits)
     return violation_at_rest(there, checker, attitude, course.joints[-1])

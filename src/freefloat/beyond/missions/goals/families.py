@@ -29,8 +29,8 @@ _LEFT = 0.01
 
 def families_of(query: Query, shapes: Sequence[ShapeLimits]) -> Iterator[Relaxation]:
     """Families of paths in the order in which they are tried; their effort is shared."""
-    problem, start, goal, limits = query.problem, query.start, query.goal, query.limits
-    model, n, effort = problem.model, problem.model.dof, SolverBudget()
+    setting, start, goal, limits = query.setting, query.start, query.goal, query.limits
+    model, n, effort = setting.model, setting.model.dof, SolverBudget()
     end_rates = np.zeros(n) if goal.joint_rates is None else goal.joint_rates
     accelerations = _accelerations(query)
     rates = np.full(n, np.inf) if limits.joint_rate is None else limits.joint_rate
@@ -44,13 +44,13 @@ def families_of(query: Query, shapes: Sequence[ShapeLimits]) -> Iterator[Relaxat
     low, high = model.joint_ranges
     low = np.where(np.isfinite(low), low, both.min(axis=0) - half)
     high = np.where(np.isfinite(high), high, both.max(axis=0) + half)
-    momenta = np.array([problem.momentum, problem.wheel_momentum])
+    momenta = np.array([setting.momentum, setting.wheel_momentum])
     for spans, loops in _MOVING if query.target.attitude is None else _TURNING:
         yield Relaxation(
             PlacedArm.of(model), JointPaths(ends, spans, loops), query.target, query.attitude,
             momenta, used * rates, accelerations, used * (limits.base_rate or np.inf),
             np.array([low, high]), shapes, goal.duration is None,
-            goal.duration or problem.path.duration, effort,
+            goal.duration or query.first_duration, effort,
         )  # fmt: skip
 
 
@@ -61,7 +61,7 @@ def _accelerations(query: Query) -> Array:
     most = np.full(n, np.inf) if stated is None else stated
     if limit is None:
         return most
-    dynamics, still = InverseDynamics(query.problem.system), np.zeros(3 + n)
+    dynamics, still = InverseDynamics(query.setting.system), np.zeros(3 + n)
     rest, *torques = (
         dynamics.of_joints(attitude, joints, still, axis).joint_torques
         for axis in (np.zeros(n), *np.eye(n))

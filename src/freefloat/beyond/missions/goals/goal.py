@@ -10,7 +10,7 @@ import numpy as np
 from freefloat.beyond.missions.goals.target import Target
 from freefloat.dynamics.summary import frames_at
 from freefloat.errors import InputError, finite_vector, require_type
-from freefloat.motion.problem import Problem
+from freefloat.motion.setting import Setting
 from freefloat.paths.time_laws import positive_duration
 from freefloat.records import Joints, Quaternions
 from freefloat.robot.model import FreeFloatingModel
@@ -80,26 +80,26 @@ class Goal:
         if self.pose is not None and self.joints is not None:
             raise InputError("goal", "pose and joints were given", "one of them")
 
-    def require_applicable(self, problem: Problem) -> None:
+    def require_applicable(self, setting: Setting) -> None:
         """Raise an InputError where the goal does not suit robot, task and scene."""
         if self.joints is not None:
-            require_inside(problem.model, self.joints, "goal.joints")
-        if self.attitude is not None and problem.has_headings:
-            problem.attitude(self.attitude, key="goal.attitude")
-        bodies = [body.name for body in problem.scene.bodies if body.motion != "target"]
+            require_inside(setting.model, self.joints, "goal.joints")
+        if self.attitude is not None and setting.has_headings:
+            setting.attitude(self.attitude, key="goal.attitude")
+        bodies = [body.name for body in setting.scene.bodies if body.motion != "target"]
         known = [*FRAMES, *bodies]
         if self.frame not in known:
             raise InputError("goal.pose.frame", f"{self.frame!r} was given", ", ".join(known))
-        if self.pose is not None and problem.task.planar:
-            self._require_level(self.pose, problem)
+        if self.pose is not None and setting.task.planar:
+            self._require_level(self.pose, setting)
 
-    def _require_level(self, pose: Pose, problem: Problem) -> None:
+    def _require_level(self, pose: Pose, setting: Setting) -> None:
         """Raise an InputError unless a pose is in the plane of a planar robot's end-effector."""
-        model, body = problem.model, self.body(problem)
+        model, body = setting.model, self.body(setting)
         straight = model.end_effector_pose(UPRIGHT, np.zeros(model.dof))
         seen = body.pose @ pose if body else self.pose_in(model, UPRIGHT, np.zeros(model.dof))
         there = cast(Pose, seen)
-        plane, normal = problem.plane, problem.plane.normal
+        plane, normal = setting.plane, setting.plane.normal
         height, level = normal @ there.position, normal @ straight.position
         slack = plane.tolerance * float(np.linalg.norm(there.position))
         if abs(height - level) > max(_LEVEL, slack):
@@ -110,9 +110,9 @@ class Goal:
             given = "the end-effector would leave its plane"
             raise InputError("goal.pose.orientation", given, f"a rotation about {plane.axis}")
 
-    def body(self, problem: Problem) -> SceneBody | None:
+    def body(self, setting: Setting) -> SceneBody | None:
         """The body of the scene that the pose is relative to; None without one."""
-        bodies = {body.name: body for body in problem.scene.bodies}
+        bodies = {body.name: body for body in setting.scene.bodies}
         return None if self.pose is None else bodies.get(self.frame)
 
     def seen_from(self, centre: Array) -> Goal:
@@ -133,18 +133,18 @@ class Goal:
         frames["end_effector"] = model.end_effector_pose(attitude, joints)
         return frames[self.frame] @ self.pose
 
-    def target(self, problem: Problem, attitude: Array, joints: Array) -> Target:
+    def target(self, setting: Setting, attitude: Array, joints: Array) -> Target:
         """What the last state of a motion must be.
 
         Args:
-            problem: Robot, momentum, drift and scene, from the centre of mass at the start.
+            setting: Robot, momentum, drift and scene, from the centre of mass at the start.
             attitude: Of the spacecraft at the start, unit quaternion x, y, z, w.
             joints: At the start, shape (n,).
         """
-        body = self.body(problem)
-        pose = self.pose if body else self.pose_in(problem.model, attitude, joints)
+        body = self.body(setting)
+        pose = self.pose if body else self.pose_in(setting.model, attitude, joints)
         wanted = None if self.attitude is None else Rotation.from_quat(self.attitude).as_matrix()
-        return Target(problem, wanted, pose, body)
+        return Target(setting, wanted, pose, body)
 
     def to_dict(self) -> dict[str, Any]:
         """The keys of a scenario's goal."""

@@ -5,34 +5,26 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import Any, ClassVar, cast
 
 import numpy as np
 
 from freefloat.beyond.missions.goals.goal import Goal
 from freefloat.beyond.missions.goals.target import EndState
-from freefloat.dynamics.measures import singularity_measure
-from freefloat.dynamics.plane import plane_of
-from freefloat.dynamics.summary import natural_task
 from freefloat.dynamics.system import System
 from freefloat.limits.check import Contact
 from freefloat.limits.limits import Limits
 from freefloat.limits.result import LimitResult, all_violations, violated
-from freefloat.motion.margin import Margin
+from freefloat.motion.law import JointLaw
 from freefloat.motion.motion import Motion
-from freefloat.motion.problem import Problem
-from freefloat.paths.curves import PolynomialCurve
-from freefloat.paths.orientation import FixedOrientation
-from freefloat.paths.path import EndEffectorPath
-from freefloat.paths.time_laws import TimeLaw
-from freefloat.paths.timed_path import TimedPath
-from freefloat.paths.timing import Timing
+from freefloat.motion.problem_parts import require_few_revolutions, require_planar_system
+from freefloat.motion.setting import JointSetting
 from freefloat.planning.answer import Answer, PhaseResult
 from freefloat.rotations import Rotation
 from freefloat.scene.scene import Scene
-from freefloat.so3 import UPRIGHT, Array
+from freefloat.so3 import Array
 
-_UNKNOWN = 60.0
+FIRST_DURATION = 60.0
 """Duration with which a search begins where none is given [s]."""
 
 
@@ -41,7 +33,7 @@ class GoalMotion(Answer):
     """A motion of the joints to a goal.
 
     Attributes:
-        problem: Robot, momentum and scene; its path is not followed, but has the duration.
+        setting: Robot, momentum and scene, from the centre of mass at the start.
         goal: What is to be reached.
         limits: Limits that were required; without ``base_turn`` where the motion is a phase of a
             manoeuvre or a reorientation.
@@ -54,7 +46,7 @@ class GoalMotion(Answer):
 
     kind: ClassVar[str] = "goal"
 
-    problem: Problem = field(repr=False)
+    setting: JointSetting = field(repr=False)
     goal: Goal
     limits: Limits = field(repr=False)
     feasible: bool
@@ -69,6 +61,11 @@ class GoalMotion(Answer):
         return (PhaseResult("goal", "goal", self),)
 
     @property
+    def law(self) -> JointLaw | None:
+        """The joints by time; None without a motion."""
+        return None if self.motion is None else cast(JointLaw, self.motion.law)
+
+    @property
     def duration(self) -> float | None:
         """[s]; None without a motion."""
         return None if self.motion is None else float(self.motion.times[-1])
@@ -79,7 +76,7 @@ class GoalMotion(Answer):
         if self.motion is None:
             return None
         first, end = self.motion.initial, last_state(self.motion)
-        target = self.goal.target(self.motion.problem, first.attitude, first.joints)
+        target = self.goal.target(self.motion.setting, first.attitude, first.joints)
         errors = [target.residuals(end)]
         if self.goal.joints is not None:
             rates = 0.0 if self.goal.joint_rates is None else self.goal.joint_rates
@@ -98,7 +95,7 @@ class GoalMotion(Answer):
         if violations:
             reason = f"along the best motion that was found {all_violations(violations)}"
         return replace(
-            self, problem=motion.problem, feasible=not violations, reason=reason, motion=motion,
+            self, feasible=not violations, reason=reason, motion=motion,
             limit_results=tuple(results),
         )  # fmt: skip
 
@@ -127,41 +124,31 @@ def last_state(motion: Motion) -> EndState:
     return EndState(final.time, attitude, final.joints, rates)
 
 
-def earlier(problem: Problem, duration: float) -> Problem:
-    """The problem a duration [s] earlier, seen from the centre of mass at that time."""
-    way, limits = duration * problem.path.drift, problem.limits
+def earlier(setting: JointSetting, duration: float) -> JointSetting:
+    """The setting a duration [s] earlier, seen from the centre of mass at that time."""
+    way, limits = duration * setting.drift, setting.limits
     limits = limits and limits.seen_from(-way)
-    return replace(problem, scene=problem.scene.later(-duration, way), limits=limits)
+    return replace(setting, scene=setting.scene.later(-duration, way), limits=limits)
 
 
-def goal_problem(
-    system: System, attitude: Array, joints: Array, goal: Goal, scene: Scene
-) -> Problem:
-    """The problem of a motion to a goal; problems need a path, which is not followed.
+def goal_setting(system: System, attitude: Array, goal: Goal, scene: Scene) -> JointSetting:
+    """The setting of a motion to a goal.
 
     Args:
         system: Robot, momentum, wheels and drift.
         attitude: Of the spacecraft at the start, unit quaternion x, y, z, w.
-        joints: At the start, shape (n,).
         goal: What is to be reached.
         scene: From the centre of mass at the start.
 
     Raises:
-        InputError: If robot, momentum or attitude allow no task of a path, or the scene does not
-            suit the robot.
+        InputError: If momentum, attitude or scene do not suit the robot, or system or bodies would
+            rotate too often.
     """
     system.model.require_one_arm("motions to a goal")
-    task = natural_task(system.model)
-    pose = system.model.end_effector_pose(UPRIGHT, joints)
-    plane = plane_of(system.model)
-    direction = np.array([1.0, 0.0, 0.0]) if plane is None else plane.axes[:, 0]
-    curve = PolynomialCurve.line(pose.position, pose.position + direction)
-    path = EndEffectorPath(curve, FixedOrientation(pose.rotation))
-    timing = Timing(goal.duration or _UNKNOWN, TimeLaw.UNIFORM)
-    margin = Margin(singularity_measure(system.model, task, "gjm"), 0.0)
-    problem = Problem(
-        system.model, TimedPath(path, timing, system.drift), task, system.momentum, margin,
-        scene=scene, wheel_momentum=system.wheels,
-    )  # fmt: skip
-    problem.attitude(attitude, key="state.attitude")
-    return problem
+    setting, duration = JointSetting.of(system, scene), goal.duration or FIRST_DURATION
+    scene.require_applicable(system.model, duration)
+    if setting.task.planar:
+        require_planar_system(setting.plane, system)
+    require_few_revolutions(system, duration)
+    setting.attitude(attitude, key="state.attitude")
+    return setting

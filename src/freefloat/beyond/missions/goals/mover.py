@@ -13,7 +13,7 @@ from freefloat.beyond.missions.goals.clearances import Clearances
 from freefloat.beyond.missions.goals.failure import why_not
 from freefloat.beyond.missions.goals.families import families_of
 from freefloat.beyond.missions.goals.goal import Goal
-from freefloat.beyond.missions.goals.goal_motion import GoalMotion, goal_problem
+from freefloat.beyond.missions.goals.goal_motion import GoalMotion, goal_setting
 from freefloat.beyond.missions.goals.query import GoalStart, Query
 from freefloat.beyond.missions.goals.search import GoalSearch
 from freefloat.beyond.missions.goals.violations import ShapeLimits, StateLimits
@@ -108,9 +108,9 @@ def _posed(
         raise InputError("state", f"{len(state)} entries were given", accepted)
     attitude = unit_quaternion("state.attitude", state[0])
     joints = system.model.joint_vector(state[1], "state.joints")
-    problem = goal_problem(system, attitude, joints, goal, scene)
-    kept = limits_for(problem, limits) or limits
-    return Query(problem, GoalStart(attitude, joints, np.zeros_like(joints)), goal, kept)
+    setting = goal_setting(system, attitude, goal, scene)
+    kept = limits_for(setting, limits) or limits
+    return Query(setting, GoalStart(attitude, joints, np.zeros_like(joints)), goal, kept)
 
 
 def move_from(query: Query, *, seed: int = 0, progress: Progress | None = None) -> GoalMotion:
@@ -126,7 +126,7 @@ def move_from(query: Query, *, seed: int = 0, progress: Progress | None = None) 
     """
     query.require_sense()
     goal = query.goal
-    outcome = GoalMotion(query.problem, goal, query.limits, False, "")
+    outcome = GoalMotion(query.setting, goal, query.limits, False, "")
     reason = query.known_obstacle()
     if reason is not None:
         return replace(outcome, reason=reason)
@@ -144,11 +144,11 @@ def move_from(query: Query, *, seed: int = 0, progress: Progress | None = None) 
 
 def _search(query: Query, progress: Progress | None) -> GoalSearch:
     """The search for motions to a goal."""
-    problem, checker, limits = query.problem, query.checker, query.limits
-    shapes: list[ShapeLimits] = [StateLimits(problem, limits, query.start.attitude)]
+    setting, checker, limits = query.setting, query.checker, query.limits
+    shapes: list[ShapeLimits] = [StateLimits(setting, limits, query.start.attitude)]
     if checker.pairs is not None:
-        clearances = Clearances(problem, checker.pairs, checker.pairs.clearance)
+        clearances = Clearances(setting, checker.pairs, checker.pairs.clearance)
         clearances.allow_start(query.start.joints, query.attitude)
         shapes.append(clearances)
-    certification = Certification(problem, checker, query.start.attitude, query.by_time)
+    certification = Certification(setting, checker, query.start.attitude, query.by_time)
     return GoalSearch(list(families_of(query, shapes)), certification, step_of(progress, 0.0, 1.0))

@@ -10,14 +10,14 @@ from typing import NamedTuple
 import numpy as np
 
 from freefloat.beyond.missions.goals.goal import Goal
-from freefloat.beyond.missions.goals.goal_motion import earlier
+from freefloat.beyond.missions.goals.goal_motion import FIRST_DURATION, earlier
 from freefloat.beyond.missions.goals.resting import violation_at_rest
 from freefloat.beyond.missions.goals.target import EndState, Target
 from freefloat.dynamics.virtual_manipulator import reach_bound
 from freefloat.errors import InputError
 from freefloat.limits.check import LimitChecker
-from freefloat.limits.limits import Limits
-from freefloat.motion.problem import Problem
+from freefloat.limits.limits import GIVEN, Limits
+from freefloat.motion.setting import JointSetting
 from freefloat.rotations import rotation_matrix
 from freefloat.so3 import Array, angle_between
 
@@ -44,29 +44,30 @@ class Query:
     """A motion to a goal that is asked for.
 
     Attributes:
-        problem: Robot, momentum, drift and scene, from the centre of mass at the start; its path is
-            not followed.
+        setting: Robot, momentum, drift and scene, from the centre of mass at the start.
         start: The state at the start, whose joints may move.
         goal: What is to be reached.
         limits: Limits in addition to the joint ranges.
         goal_words: What the goal is called in reasons.
+        first_duration: Duration with which the search begins where the goal has none [s].
     """
 
-    problem: Problem
+    setting: JointSetting
     start: GoalStart
     goal: Goal
     limits: Limits
     goal_words: str = "the goal"
+    first_duration: float = FIRST_DURATION
 
     @cached_property
     def target(self) -> Target:
         """What the last state must be."""
-        return self.goal.target(self.problem, self.start.attitude, self.start.joints)
+        return self.goal.target(self.setting, self.start.attitude, self.start.joints)
 
     @cached_property
     def checker(self) -> LimitChecker:
         """The limits, prepared."""
-        return LimitChecker(self.problem, self.limits)
+        return LimitChecker(self.setting, self.limits)
 
     @cached_property
     def attitude(self) -> Array:
@@ -81,7 +82,7 @@ class Query:
 
     @property
     def _depends_on_time(self) -> bool:
-        return self.problem.depends_on_timing or self.problem.scene.tumbles
+        return self.setting.system.rotates or self.setting.drifts or self.setting.scene.tumbles
 
     @property
     def is_there(self) -> bool:
@@ -95,11 +96,12 @@ class Query:
 
     def require_sense(self) -> None:
         """Raise an InputError for a goal that robot, state and limits do not suit."""
-        model, goal, limits = self.problem.model, self.goal, self.limits
+        model, goal, limits = self.setting.model, self.goal, self.limits
         model.require_one_arm("motions to a goal")
-        goal.require_applicable(self.problem)
+        goal.require_applicable(self.setting)
         if goal.duration is None and not limits.timed:
-            accepted = "a goal.duration, or limits.joint_rate, base_rate or joint_torque"
+            timed = ", ".join(kind.name for kind in GIVEN if kind.exponent)
+            accepted = f"a goal.duration, or a limit that depends on it: {timed}"
             raise InputError("goal.duration", "nothing determines the duration", accepted)
         if goal.joint_rates is not None and limits.joint_rate is not None:
             rates = zip(model.joint_names, goal.joint_rates, limits.joint_rate, strict=True)
@@ -113,39 +115,39 @@ class Query:
 
     def known_obstacle(self) -> str | None:
         """Why no motion reaches the goal, where states at its ends show it; None otherwise."""
-        drift, duration = self.problem.path.drift, self.goal.duration
+        drift, duration = self.setting.drift, self.goal.duration
         for there, attitude, joints, rests in self._known_states():
             seen = self.limits.seen_from((duration or 0.0) * drift)
-            checker = self.checker if there is self.problem else LimitChecker(there, seen)
+            checker = self.checker if there is self.setting else LimitChecker(there, seen)
             violation = violation_at_rest(there, checker, attitude, joints, rests)
             if violation is not None:
                 values = ", ".join(f"{value:.4g}" for value in joints)
                 return violation.violation(f"with joints {values}")
         turned = _turns_too_far(self.goal, self.start.attitude, self.limits)
-        moving = self.problem.scene.tumbles or self.problem.path.drifts
+        moving = self.setting.scene.tumbles or self.setting.drifts
         if turned is not None or (moving and duration is None):
             return turned
         return _too_far(self.target, duration or 0.0)
 
-    def _known_states(self) -> Iterator[tuple[Problem, Array, Array, bool]]:
+    def _known_states(self) -> Iterator[tuple[JointSetting, Array, Array, bool]]:
         """The states at both ends, if known, and whether the joints rest there.
 
-        Before them comes the problem from the centre of mass at their time.
+        Before them comes the setting from the centre of mass at their time.
         """
-        problem, start, goal = self.problem, self.start, self.goal
-        yield problem, start.attitude, start.joints, not start.joint_rates.any()
+        setting, start, goal = self.setting, self.start, self.goal
+        yield setting, start.attitude, start.joints, not start.joint_rates.any()
         if goal.attitude is None or goal.joints is None:
             return
         rests = goal.joint_rates is None
-        if not (problem.scene.tumbles or problem.path.drifts):
-            yield problem, goal.attitude, goal.joints, rests
+        if not (setting.scene.tumbles or setting.drifts):
+            yield setting, goal.attitude, goal.joints, rests
         elif goal.duration is not None:
-            yield earlier(problem, -goal.duration), goal.attitude, goal.joints, rests
+            yield earlier(setting, -goal.duration), goal.attitude, goal.joints, rests
 
 
 def _too_far(target: Target, t: float) -> str | None:
     """Why no configuration reaches the pose of a target at time t [s]; None where it has none."""
-    reach = reach_bound(target.problem.model)
+    reach = reach_bound(target.setting.model)
     distance = float(np.linalg.norm(target.pose_at(t).position))
     if target.pose is None or distance <= reach:
         return None

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from freefloat.beyond.missions.goals.placements import Placements
-from freefloat.motion.problem import Problem
+from freefloat.motion.setting import Setting
 from freefloat.so3 import UPRIGHT, Array, IntArray, turned
 
 _LATER = 1e-3
@@ -45,16 +45,16 @@ class Placed(NamedTuple):
 
 
 class SceneFrames:
-    """The bodies of the scene of a problem.
+    """The bodies of the scene of a setting.
 
     Attributes:
         free: Which of them do not move with the end-effector, shape (S,).
     """
 
-    def __init__(self, problem: Problem) -> None:
+    def __init__(self, setting: Setting) -> None:
         """Prepare the bodies that the end-effector holds."""
-        model = problem.model
-        self._path, self._bodies = problem.path, problem.scene.bodies
+        model = setting.model
+        self._setting, self._bodies = setting, setting.scene.bodies
         self.free = np.array([body.motion != "target" for body in self._bodies] or [False])
         state = UPRIGHT, np.zeros(model.dof)
         last = model.body_poses(*state)[model.dof]
@@ -69,7 +69,7 @@ class SceneFrames:
         )
         for number, body in enumerate(self._bodies):
             if self.free[number]:
-                pose = body.pose_at(places.times, self._path)
+                pose = body.pose_at(places.times, self._setting)
                 placed.rotations[:, number] = back @ pose.rotation
                 placed.positions[:, number] = turned(back, pose.position) + centres
             else:
@@ -81,9 +81,9 @@ class SceneFrames:
     def velocities(self, number: int, places: ScenePlaces, points: Array) -> Array:
         """Velocities of points (K, 3) of a free body from the centre of mass [m/s]."""
         body, attitudes = self._bodies[number], places.attitudes
-        if body.motion == "fixed" and not self._path.drifts:
+        if body.motion == "fixed" and not self._setting.drifts:
             return np.zeros_like(points)
-        now, later = (body.pose_at(places.times + step, self._path) for step in (0.0, _LATER))
+        now, later = (body.pose_at(places.times + step, self._setting) for step in (0.0, _LATER))
         x = np.einsum("kij,kj->ki", attitudes, points - places.bodies.centres)
         moved = turned((later @ now.inverse()).rotation, x - now.position) + later.position
         return np.asarray(np.einsum("kij,ki->kj", attitudes, moved - x) / _LATER)

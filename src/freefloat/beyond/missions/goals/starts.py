@@ -115,7 +115,7 @@ def _branches(relaxation: Relaxation, others: Sequence[Array]) -> list[Array]:
     those at the ends of other paths, each followed to the attitude at which its straight way ends.
     """
     paths, target = relaxation.paths, relaxation.target
-    model, start, task = target.problem.model, paths.ends.start, target.task
+    model, start, task = target.setting.model, paths.ends.start, target.task
     if paths.ends.end is not None or target.pose is None or task is None:
         return []
     blank = np.append(np.zeros((paths.rows, len(start))), relaxation.reference)
@@ -141,7 +141,7 @@ def _redundant(relaxation: Relaxation, rng: np.random.Generator) -> list[Array]:
     They hold at the attitude at the start, unless the goal has one.
     """
     target, (low, high) = relaxation.target, relaxation.ranges
-    model, task = target.problem.model, target.task
+    model, task = target.setting.model, target.task
     if target.pose is None or task is None or model.dof <= len(task.rows):
         return []
     attitude = relaxation.attitude if target.attitude is None else target.attitude

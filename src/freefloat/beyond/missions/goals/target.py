@@ -13,7 +13,7 @@ import numpy as np
 from freefloat.dynamics.generalized_jacobian import system_matrix
 from freefloat.dynamics.momentum import conserved_inertias
 from freefloat.dynamics.tasks import Task
-from freefloat.motion.problem import Problem
+from freefloat.motion.setting import Setting
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.rotations import Rotation
 from freefloat.scene.scene_body import SceneBody
@@ -52,14 +52,14 @@ class Target:
     """Attitude of the spacecraft and pose of the end-effector where a path ends.
 
     Attributes:
-        problem: Robot, momentum and drift.
+        setting: Robot, momentum and drift.
         attitude: Attitude of the spacecraft, shape (3, 3); None where it is free.
         pose: Pose of the end-effector in the frame of the motion, or of the body; None where it is
             free.
         body: A body of the scene whose frame the pose is in: the end-effector moves with it.
     """
 
-    problem: Problem
+    setting: Setting
     attitude: Array | None = None
     pose: Pose | None = None
     body: SceneBody | None = None
@@ -67,8 +67,8 @@ class Target:
     @property
     def task(self) -> Task | None:
         """What inverse kinematics solves for the pose; None where the arm has too few joints."""
-        task = self.problem.task if self.problem.task.planar else Task.POSE
-        return task if len(task.rows) <= self.problem.model.dof else None
+        task = self.setting.task if self.setting.task.planar else Task.POSE
+        return task if len(task.rows) <= self.setting.model.dof else None
 
     @property
     def size(self) -> int:
@@ -81,11 +81,11 @@ class Target:
 
         Of a target without pose that of the frame of the motion.
         """
-        origin = self.problem.path.origin(t)
+        origin = self.setting.origin(t)
         if self.pose is None:
             return Pose(origin, np.eye(3))
         if self.body is not None:
-            return self.body.pose_at(t, self.problem.path) @ self.pose
+            return self.body.pose_at(t, self.setting) @ self.pose
         return Pose(self.pose.position + origin, self.pose.rotation)
 
     def residuals(self, end: EndState) -> Array:
@@ -115,12 +115,12 @@ class Target:
 
     def _pose(self, end: EndState) -> Pose:
         """Pose of the end-effector from the centre of mass, inertial axes."""
-        pose = self.problem.model.end_effector_pose(UPRIGHT, end.joints)
+        pose = self.setting.model.end_effector_pose(UPRIGHT, end.joints)
         return Pose(end.attitude @ pose.position, end.attitude @ pose.rotation)
 
     def _twist(self, end: EndState) -> Array:
         """Twist of the end-effector relative to the centre of mass, inertial axes, shape (6,)."""
-        system = self.problem.system
+        system = self.setting.system
         D, Dq = conserved_inertias(system.model, end.joints)
         h = end.attitude.T @ system.momentum - system.wheels
         omega = np.linalg.solve(D, h - Dq @ end.joint_rates)  # (3)
@@ -160,7 +160,7 @@ class Target:
             slope = 3.0 * paths.all_spans / course.duration
             J[:, :-1] += slope * _spread(by_rates, paths.spread[-1] - paths.spread[-2])
             J[:, -1] -= by_rates @ (slope * (points[-1] - points[-2])) / course.duration
-        if self.body is not None or self.problem.path.drifts:
+        if self.body is not None or self.setting.drifts:
             J[:, -1] += (self.residuals(replace(end, time=end.time + _STEP)) - here) / _STEP
         return here, J
 
@@ -172,7 +172,7 @@ class Target:
             turned = _vector_rates(rotation_vector_between(self.attitude, R)) @ R
             parts.append(np.column_stack([turned, np.zeros((3, 2 * n))]))
         if self.pose is not None:
-            J = _rotated(R, _pose_jacobian(self.problem.model, end.joints))
+            J = _rotated(R, _pose_jacobian(self.setting.model, end.joints))
             goal, _ = self._goal(end.time)
             turn = rotation_vector_between(goal.rotation, self._pose(end).rotation)
             J[3:] = _vector_rates(turn) @ J[3:]

@@ -16,7 +16,7 @@ from freefloat.limits.kinds.pointing import PointingLimits
 from freefloat.limits.limits import Limits
 from freefloat.limits.result import LimitResult
 from freefloat.motion.pointing import Keep, angle_of
-from freefloat.motion.problem import Problem
+from freefloat.motion.setting import Setting
 from freefloat.rotations import Rotation
 from freefloat.scene.scene_body import EndEffectorPoses
 from freefloat.so3 import Array, IntArray, angle_between
@@ -75,13 +75,13 @@ class StateLimits:
     """Cones of pointing axes, the corridor, and the spacecraft's turn.
 
     Attributes:
-        problem: Robot, scene and drift, whatever its duration.
+        setting: Robot, scene and drift.
         limits: The limits.
         attitude: Of the spacecraft at the start, unit quaternion x, y, z, w.
         margins: Margins of the limits with some names, which grow.
     """
 
-    problem: Problem
+    setting: Setting
     limits: Limits
     attitude: Array
     margins: dict[str, float] = field(
@@ -100,8 +100,8 @@ class StateLimits:
     @cached_property
     def _excesses(self) -> tuple[tuple[str, Callable[[float, Array, Array], float]], ...]:
         """How far a state, with its time, is beyond each limit [rad, m], with names of limits."""
-        problem, model = self.problem, self.problem.model
-        origin = problem.path.origin
+        setting, model = self.setting, self.setting.model
+        origin = setting.origin
 
         def beyond_cone(number: int, t: float, attitude: Array, joints: Array) -> float:
             limit = self.limits.pointing[number]
@@ -110,8 +110,8 @@ class StateLimits:
 
         def beyond_corridor(t: float, attitude: Array, joints: Array) -> float:
             pose = model.end_effector_pose(attitude, joints)
-            frame = problem.scene.corridor_pose(t, problem.path, EndEffectorPoses.on(pose))
-            corridor = problem.scene.corridor
+            frame = setting.scene.corridor_pose(t, setting, EndEffectorPoses.on(pose))
+            corridor = setting.scene.corridor
             offset = frame.rotation.T @ (pose.position - frame.position)
             return -np.inf if corridor is None else corridor.deviation(offset) - corridor.allowed
 
@@ -119,7 +119,7 @@ class StateLimits:
             return float(angle_between(attitude, self.attitude)) - (self.limits.base_turn or np.pi)
 
         cones = (partial(beyond_cone, number) for number in range(len(self.limits.pointing)))
-        corridors = [(CorridorLimit.name, beyond_corridor)] * (problem.scene.corridor is not None)
+        corridors = [(CorridorLimit.name, beyond_corridor)] * (setting.scene.corridor is not None)
         turns = [(BaseTurnLimit.name, beyond_turn)] * (self.limits.base_turn is not None)
         return (*((PointingLimits.name, cone) for cone in cones), *corridors, *turns)
 

@@ -11,6 +11,7 @@ import numpy as np
 from freefloat.dynamics.redundancy import Redundancy
 from freefloat.errors import InputError
 from freefloat.motion.problem import Problem
+from freefloat.motion.problem_parts import require_few_revolutions
 from freefloat.paths.timed_path import TimedPath
 from freefloat.scene.scene import Scene
 from freefloat.scene.scene_body import SceneBody
@@ -76,20 +77,23 @@ class ExpectedState:
         accepted = ", ".join([*others, *free]) or "none, the scene has no free bodies"
         raise InputError(key, problem, accepted)
 
-    def after(
-        self, path: TimedPath, redundancy: Redundancy | None = None,
-        pose: Pose | None = None, twist: Array | None = None,
-    ) -> ExpectedState:  # fmt: skip
-        """The state after a path of the robot, where the end-effector has a pose and a twist.
+    def after(self, duration: float, pose: Pose | None, twist: Array | None) -> ExpectedState:
+        """The state after a duration [s], at which the end-effector has a pose and a twist.
 
         Raises:
-            InputError: If the path or the redundancy does not suit the robot, or system or bodies
-                would rotate too often.
+            InputError: If system or bodies would rotate too often.
         """
-        time = self.time + path.duration
+        time = self.time + duration
         Scene(self.bodies).require_applicable(self.problem.model, time)
-        self.problem.replace(path=path, redundancy=redundancy, scene=Scene())
+        require_few_revolutions(self.problem.system, duration)
         return replace(self, time=time, pose=pose, twist=twist)
+
+    def after_path(
+        self, path: TimedPath, redundancy: Redundancy | None, pose: Pose | None, twist: Array
+    ) -> ExpectedState:
+        """The state after a path of the robot; raises as :class:`.Problem`, too."""
+        self.problem.replace(path=path, redundancy=redundancy, scene=Scene())
+        return self.after(path.duration, pose, twist)
 
     def without(self, body: SceneBody) -> ExpectedState:
         """The state after the capture of a body."""

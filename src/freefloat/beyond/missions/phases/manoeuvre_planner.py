@@ -119,11 +119,11 @@ def _to_start(
     end = GoalStart(state.attitude, state.joints, state.joint_rates)
     duration = None if limits.timed else problem.path.duration
     found = arrive(
-        problem, (present, joints), end, limits.without_turn, duration=duration,
-        seed=search.seed, progress=progress,
+        state.setting, (present, joints), end, limits.without_turn, duration=duration,
+        first_duration=problem.path.duration, seed=search.seed, progress=progress,
     )  # fmt: skip
     begin = -(found.duration or 0.0)
-    return [PhaseResult(REORIENTATION, found.kind, found, begin, begin * problem.path.drift)]
+    return [PhaseResult(REORIENTATION, found.kind, found, begin, begin * problem.drift)]
 
 
 def _following(

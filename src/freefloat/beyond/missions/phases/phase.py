@@ -13,6 +13,7 @@ from freefloat.beyond.missions.phases.state import SystemState
 from freefloat.errors import InputError, require_type
 from freefloat.limits.limits import Limits
 from freefloat.motion.problem import Problem
+from freefloat.motion.setting import Setting
 from freefloat.planning.answer import Finding
 
 REORIENTATION, PATH = "reorientation", "path"
@@ -47,8 +48,10 @@ class Phase(ABC):
         """
 
     @abstractmethod
-    def problem_at(self, state: SystemState) -> Problem:
-        """The problem of the motion of a phase that begins with a state; files do not hold it.
+    def setting_at(self, state: SystemState) -> Setting:
+        """The setting of a phase that begins with a state, of a path its problem.
+
+        Files do not hold it.
 
         Raises:
             InputError: If the phase cannot begin there.

@@ -10,7 +10,9 @@ import numpy as np
 from freefloat.dynamics.momentum import end_effector_jacobian
 from freefloat.limits.limits import Limits
 from freefloat.motion.motion import Motion
+from freefloat.motion.pointing import AttitudeLimits
 from freefloat.motion.problem import Problem
+from freefloat.motion.setting import JointSetting
 from freefloat.paths.timed_path import TimedPath
 from freefloat.scene.scene import Scene
 from freefloat.so3 import Array, Pose, frozen
@@ -69,13 +71,13 @@ class SystemState:
     def after(self, motion: Motion) -> SystemState:
         """The state at the end of a motion that begins with this one."""
         law, final = motion.law, motion.final
-        duration, arm = law.duration, motion.problem.arm_joints
+        duration, arm = law.timing.duration, motion.setting.arm_joints
         rates = law.rates(duration, final.attitude, final.joints)
-        problem = _resting(motion.problem, duration) if motion.problem.arms else self.problem
+        problem = _resting(motion.problem, duration) if motion.setting.arms else self.problem
         return replace(
             self, problem=problem, time=self.time + duration, attitude=final.attitude,
             joints=final.joints[arm], joint_rates=rates.joints[arm],
-            centre=self.centre + duration * self.problem.path.drift,
+            centre=self.centre + duration * self.problem.drift,
         )  # fmt: skip
 
     def problem_for(self, path: TimedPath, **changes: Any) -> Problem:
@@ -85,9 +87,20 @@ class SystemState:
             path: Path in the frame of the motion, whose origin is the present centre of mass.
             **changes: Other attributes of the problem.
         """
+        return self.problem.replace(path=path, scene=self.scene, limits=self._limits, **changes)
+
+    @property
+    def setting(self) -> JointSetting:
+        """The setting of a motion of the joints that begins now, from the centre of mass."""
+        problem = self.problem
+        return JointSetting.of(
+            problem.system, self.scene, self._limits, problem.task, problem.margin.measure
+        )
+
+    @property
+    def _limits(self) -> AttitudeLimits | None:
         limits = self.problem.limits
-        limits = limits and limits.seen_from(self.centre)
-        return self.problem.replace(path=path, scene=self.scene, limits=limits, **changes)
+        return limits and limits.seen_from(self.centre)
 
     @property
     def scene(self) -> Scene:

@@ -17,6 +17,7 @@ from freefloat.errors import InputError, finite_number, finite_vector, require_t
 from freefloat.limits.limits import Limits
 from freefloat.limits.result import LimitResult
 from freefloat.motion.problem import Problem
+from freefloat.motion.setting import Setting
 from freefloat.robot.description import IDENTITY
 from freefloat.robot.parts import Mount, inertia_matrix
 from freefloat.scene.scene import Scene
@@ -144,8 +145,8 @@ class CapturePhase(Phase):
         body = next(body for body in state.scene.bodies if body.name == self.body)
         return body, body.pose.inverse() @ state.pose
 
-    def problem_at(self, state: SystemState) -> Problem:
-        """The problem just after the capture: nothing moves during it."""
+    def setting_at(self, state: SystemState) -> Setting:
+        """The setting just after the capture: nothing moves during it."""
         return self.end(state, self.run(state, Limits())).problem
 
     def run(self, state: SystemState, limits: Limits) -> PlannedCapture:

@@ -14,7 +14,7 @@ from freefloat.beyond.missions.phases.phase import Phase
 from freefloat.beyond.missions.phases.state import SystemState
 from freefloat.errors import InputError, require_type, seed_number
 from freefloat.limits.limits import Limits
-from freefloat.motion.problem import Problem
+from freefloat.motion.setting import JointSetting
 from freefloat.scene.scene import FRAMES
 
 
@@ -53,13 +53,11 @@ class GoalPhase(Phase):
             return replace(state, pose=None, twist=None)
         known = goal.frame == "inertial"
         twist = np.zeros(6) if goal.pose is not None and known else None
-        placeholder = state.problem.path.lasting(goal.duration)
-        return state.after(placeholder, None, goal.pose if known else None, twist)
+        return state.after(goal.duration, goal.pose if known else None, twist)
 
-    def problem_at(self, state: SystemState) -> Problem:
-        """See :class:`~freefloat.beyond.missions.phases.phase.Phase`; its path is not followed."""
-        path = state.problem.path
-        return state.problem_for(path.lasting(self.goal.duration or path.duration))
+    def setting_at(self, state: SystemState) -> JointSetting:
+        """See :class:`~freefloat.beyond.missions.phases.phase.Phase`."""
+        return state.setting
 
     def to_dict(self) -> dict[str, Any]:
         """See :class:`~freefloat.beyond.missions.phases.phase.Phase`."""
@@ -74,6 +72,8 @@ class GoalPhase(Phase):
         from freefloat.beyond.missions.goals.query import GoalStart, Query
 
         start = GoalStart(state.attitude, state.joints, state.joint_rates)
-        goal = self.goal.seen_from(state.centre)
-        problem, limits = self.problem_at(state), limits.without_turn
-        return move_from(Query(problem, start, goal, limits), seed=self.seed)
+        query = Query(
+            state.setting, start, self.goal.seen_from(state.centre), limits.without_turn,
+            first_duration=state.problem.path.duration,
+        )  # fmt: skip
+        return move_from(query, seed=self.seed)

@@ -84,23 +84,25 @@ class PathPhase(Phase):
 
     def expected_after(self, state: ExpectedState) -> ExpectedState:
         """See :class:`~freefloat.beyond.missions.phases.phase.Phase`."""
-        given, drift = self.path, state.problem.path.drift
+        given, drift = self.path, state.problem.drift
         if isinstance(given, Goal):
             duration = cast(float, given.duration)
             end = given.pose if given.frame == "inertial" else None
-            path = state.problem.path.lasting(duration)  # of one that may not be known yet
             if end is not None and state.pose is not None and state.twist is not None:
                 path = transfer(state.pose, state.twist, end, duration, drift)
-            return state.after(path, self.redundancy, end, np.zeros(6))
+                return state.after_path(path, self.redundancy, end, np.zeros(6))
+            if self.redundancy is not None:
+                self.redundancy.require_applicable(state.problem.model, state.problem.task)
+            return state.after(duration, end, np.zeros(6))
         if isinstance(given, RelativePath):
             state.body(given.body.name, "path.frame", FRAMES[:1])
         path = prescribed_path(given, state.bodies_now, np.zeros(3), drift)
         if state.pose is not None:
             require_continuous(path, state.pose, state.twist, state.problem)
         end, twist = path.path.pose(1.0), path.twist(path.duration) + path.drift_twist
-        return state.after(path, self.redundancy, end, twist)
+        return state.after_path(path, self.redundancy, end, twist)
 
-    def problem_at(self, state: SystemState) -> Problem:
+    def setting_at(self, state: SystemState) -> Problem:
         """See :class:`~freefloat.beyond.missions.phases.phase.Phase`.
 
         Raises:
@@ -111,7 +113,7 @@ class PathPhase(Phase):
 
     def _path_at(self, state: SystemState) -> TimedPath:
         """The path from the present centre of mass."""
-        drift = state.problem.path.drift
+        drift = state.problem.drift
         if isinstance(self.path, Goal):
             goal = self.path.seen_from(state.centre)
             end = cast(Pose, goal.pose_in(state.problem.model, state.attitude, state.joints))
@@ -132,7 +134,7 @@ class PathPhase(Phase):
 
     def run(self, state: SystemState, limits: Limits) -> Plan:
         """The motion along the path from a state, exactly as it is."""
-        problem = self.problem_at(state)
+        problem = self.setting_at(state)
         motion = integrate_motion(problem, state.attitude, state.joints)
         approach = closest_approach(motion, problem.margin.measure)
         branch = branch_at(problem, state.attitude, state.joints)

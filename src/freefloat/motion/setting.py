@@ -1,0 +1,200 @@
+"""Settings: what there is, a robot with its momentum and the bodies around it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any, Self
+
+import numpy as np
+import numpy.typing as npt
+
+from freefloat.dynamics.measures import SingularityMeasure, singularity_measure
+from freefloat.dynamics.plane import Plane
+from freefloat.dynamics.summary import natural_task
+from freefloat.dynamics.system import System
+from freefloat.dynamics.tasks import Task, prescribed_rows, required_plane
+from freefloat.dynamics.virtual_manipulator import reach_bound
+from freefloat.errors import InputError, finite_number
+from freefloat.motion.joint_curves import ArmCurves
+from freefloat.motion.margin import Margin
+from freefloat.motion.pointing import AttitudeLimits
+from freefloat.robot.model import FreeFloatingModel
+from freefloat.scene.scene import Scene
+from freefloat.so3 import Array, frozen, unit_quaternion
+
+
+class Setting:
+    """What a :class:`.Problem` and a :class:`JointSetting` have in common: no path.
+
+    Attributes are those of :class:`.Problem`.
+    """
+
+    model: FreeFloatingModel
+    momentum: Array
+    wheel_momentum: Array
+    drift: Array
+    scene: Scene
+    arms: ArmCurves
+    limits: AttitudeLimits | None
+    task: Task
+    margin: Margin
+
+    @cached_property
+    def system(self) -> System:
+        """The robot with its momentum, wheels and drift."""
+        return System(self.model, self.momentum, self.wheel_momentum, self.drift)
+
+    @property
+    def arm_joints(self) -> slice:
+        """The joints of the arms that follow paths, the first of all."""
+        return slice(self.model.arm_dof)
+
+    @property
+    def has_headings(self) -> bool:
+        """Whether the spacecraft turns in a plane: of planar tasks, and on a table."""
+        return self.task.planar or self.model.on_table
+
+    @cached_property
+    def plane(self) -> Plane:
+        """The plane in which the spacecraft turns, common to its frame and the inertial frame.
+
+        Raises:
+            InputError: If the robot does not stay in one.
+        """
+        if self.model.on_table and not self.task.planar:
+            return Plane.of_normal(np.eye(3)[2])
+        return required_plane(self.model, self.task)
+
+    @property
+    def redundant(self) -> bool:
+        """Whether the arms that follow paths have more joints than the task has rows."""
+        return self.model.arm_dof > len(prescribed_rows(self.model, self.task))
+
+    def model_at(self, t: float = 0.0) -> FreeFloatingModel:
+        """The robot with the arms that follow paths, further arms fixed as at a time [s]."""
+        if not self.arms:
+            return self.model
+        if t not in self._chains:
+            self._chains[t] = self._model_at(t)
+        return self._chains[t]
+
+    def _model_at(self, t: float) -> FreeFloatingModel:
+        return self.model.with_arms_at(self.arms.at(t)) if self.arms else self.model
+
+    @cached_property
+    def _chains(self) -> dict[float, FreeFloatingModel]:
+        return {}
+
+    def reach(self, t: float = 0.0) -> float:
+        """Upper bound of the distance from the centre of mass to the end-effector [m].
+
+        Further arms on joint curves are as at a time [s].
+        """
+        return reach_bound(self._model_at(t))
+
+    @property
+    def drifts(self) -> bool:
+        """Whether the centre of mass moves."""
+        return bool(self.drift.any())
+
+    def origin(self, t: float | Array) -> Array:
+        """Place of the centre of mass at time zero, from that at times t [s], [m], (..., 3)."""
+        return np.multiply.outer(t, -self.drift)
+
+    def replace(self, **changes: Any) -> Self:
+        """The same with other attributes, checked again.
+
+        With another model or task, the margin has the measure of these, unless it is given.
+
+        Example:
+            >>> problem = ff.load_scenario("planar_2dof/line").problem()
+            >>> problem.replace(momentum=[0.0, 0.0, 0.1]).momentum
+            array([0. , 0. , 0.1])
+        """
+        model, task = changes.get("model", self.model), changes.get("task", self.task)
+        if "margin" not in changes and (model is not self.model or task != self.task):
+            measure = singularity_measure(model, task, self.margin.measure.name)
+            changes["margin"] = Margin(measure, self.margin.threshold)
+        return replace(self, **changes)  # type: ignore[type-var]
+
+    def attitude(
+        self,
+        values: npt.ArrayLike | None = None,
+        *,
+        heading: float | None = None,
+        key: str = "attitude",
+    ) -> Array:
+        """A checked, normalized attitude of the spacecraft.
+
+        Args:
+            values: Quaternion x, y, z, w.
+            heading: For planar tasks and on a table, in its place: the angle about the normal of
+                the plane [rad].
+            key: Named in errors.
+
+        Returns:
+            The unit quaternion, shape (4,).
+
+        Raises:
+            InputError: If it is no unit quaternion or, where the spacecraft turns in a plane, not a
+                rotation about its normal; if both or neither are given, or a heading elsewhere.
+        """
+        plane, accepted = self.plane if self.has_headings else None, "an attitude x, y, z, w"
+        if plane is not None:
+            accepted += f" or a heading about {plane.axis} [rad]"
+        if heading is not None:
+            if values is not None or plane is None:
+                beside = (
+                    f"for the task {self.task}" if values is None else "together with an attitude"
+                )
+                raise InputError("heading", f"it was given {beside}", accepted)
+            return frozen(plane.attitudes(finite_number("heading", heading, "a finite angle")))
+        if values is None:
+            raise InputError(key, "it is missing", accepted)
+        return unit_quaternion(key, values) if plane is None else plane.checked(key, values)
+
+
+@dataclass(frozen=True, eq=False)
+class JointSetting(Setting):
+    """The setting of motions whose joints are prescribed.
+
+    Attributes are those of :class:`.Problem`; ``task`` and ``margin`` say which measure is shown,
+    without a smallest magnitude, and the scene is seen from the centre of mass at the start.
+    """
+
+    model: FreeFloatingModel = field(repr=False)
+    momentum: Array
+    wheel_momentum: Array
+    drift: Array
+    scene: Scene = field(repr=False)
+    limits: AttitudeLimits | None = field(repr=False)
+    task: Task
+    margin: Margin
+    arms: ArmCurves = field(default_factory=ArmCurves, repr=False)
+
+    @classmethod
+    def of(
+        cls,
+        system: System,
+        scene: Scene,
+        limits: AttitudeLimits | None = None,
+        task: Task | None = None,
+        measure: SingularityMeasure | None = None,
+    ) -> JointSetting:
+        """The setting of a system and its scene.
+
+        Args:
+            system: Robot, momentum, wheels and drift.
+            scene: Bodies and corridor, from the centre of mass at the start.
+            limits: Limits that functions keep or check unless others are given.
+            task: As of the class; by default the task with the most rows that the arm can do.
+            measure: The measure that is shown; by default det S* of the task.
+        """
+        model = system.model
+        task = natural_task(model) if task is None else task
+        measure = singularity_measure(model, task, "gjm") if measure is None else measure
+        return cls(
+            model, system.momentum, system.wheels, system.drift, scene, limits, task,
+            Margin(measure, 0.0),
+        )  # fmt: skip
