@@ -26,10 +26,7 @@ _Engine = Annotated[
 
 
 def check(
-    file: MotionFile,
-    engine: _Engine = None,
-    as_json: Json = False,
-    quiet: Quiet = False,
+    file: MotionFile, engine: _Engine = None, as_json: Json = False, quiet: Quiet = False
 ) -> None:
     """Verify a saved plan, motion, goal, manoeuvre or map from its file alone.
 

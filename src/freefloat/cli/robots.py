@@ -86,10 +86,7 @@ class LoadedRobot:
 
 
 def load_robot(
-    console: Console,
-    robot: str,
-    end_effector: str | None,
-    file_options: FileOptions,
+    console: Console, robot: str, end_effector: str | None, file_options: FileOptions
 ) -> LoadedRobot:
     """The robot of a scenario or a URDF; exits with its errors if it has some."""
     from freefloat.dynamics.measures import singularity_measure

@@ -141,8 +141,7 @@ def _starts_of_robots(
     columns = found.branches.shape[1]
     width = max([columns, *(starts.branches.shape[1] for starts in exact.values())])
     every = Starts(
-        np.full((count, width, problem.model.arm_dof), np.nan),
-        np.full((count, width), -1),
+        np.full((count, width, problem.model.arm_dof), np.nan), np.full((count, width), -1)
     )
     every.joints[:, :columns], every.branches[:, :columns] = found.joints, found.branches
     for k, starts in exact.items():
