@@ -11,17 +11,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.console import RenderableType
 
-from freefloat.cli.console import (
-    ANY,
-    DONE,
-    NEGATIVE,
-    Console,
-    attitude_text,
-    decimals,
-    search_lines,
-    table,
-)
+from freefloat.cli.console import ANY, DONE, NEGATIVE, Console, decimals, table
 from freefloat.cli.delivery import Delivery
+from freefloat.cli.motion_lines import attitude_text, search_lines
 from freefloat.cli.options import (
     Json,
     Plots,

@@ -10,19 +10,15 @@ import typer
 from rich.console import RenderableType
 from rich.text import Text
 
-from freefloat.cli.console import (
-    DONE,
-    NEGATIVE,
-    Console,
+from freefloat.cli.console import DONE, NEGATIVE, Console, decimals, table
+from freefloat.cli.delivery import Delivery
+from freefloat.cli.motion_lines import (
     contact_lines,
-    decimals,
     limit_lines,
     limit_tables,
     motion_lines,
     present_lines,
-    table,
 )
-from freefloat.cli.delivery import Delivery
 from freefloat.cli.options import (
     Attitude,
     Json,
