@@ -189,9 +189,7 @@ def _draw(
     violation: str,
 ) -> TitledScene:
     """Draw a motion below the node of its title; return its description."""
-    motion = sampled.motion
-    builder.start = place.start
-    problem = motion.problem
+    builder.start, motion, problem = place.start, sampled.motion, sampled.motion.problem
     root = f"{ROOT}/{node(title)}"
     times, areas, size = sampled.times, sampled.areas, thickness(problem)
     colours = replace(scale, margin=problem.margin)
