@@ -53,10 +53,8 @@ def check(
             result: Any = load(file)
             with error_context(file, options=("engine",)):
                 report = verify(result, engine or PINOCCHIO)
-            report = replace(
-                report, not_verified=(*report.not_verified, *UNVERIFIED),
-                given=(*GIVEN, *report.given),
-            )  # fmt: skip
+            unverified = (*report.not_verified, *UNVERIFIED)
+            report = replace(report, not_verified=unverified, given=(*GIVEN, *report.given))
         except AlteredFileError as error:
             report = CheckReport("file", (Check(error.key, False, error.problem),))
     console.json({"file": str(file), **report.to_dict()})

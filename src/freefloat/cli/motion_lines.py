@@ -122,10 +122,8 @@ def limit_lines(results: Sequence[LimitResult]) -> Iterator[RenderableType]:
             kept.append(result.label)
             continue
         worst = f"{result.shown(result.worst, 5)} {result.shown_unit}".rstrip()
-        yield Text(
-            f"  limit violated: {result.label} {worst}, allowed {result.shown_bound}, "
-            f"at t = {result.time:.4f} s, {result.where}", "red",
-        )  # fmt: skip
+        place = f"allowed {result.shown_bound}, at t = {result.time:.4f} s, {result.where}"
+        yield Text(f"  limit violated: {result.label} {worst}, {place}", "red")
     if kept:
         yield f"  limits kept: {', '.join(kept)}"
     yield from (f"  not checked: {note}" for result in results for note in result.notes)

@@ -140,11 +140,9 @@ def simulation_tables(
     branches = table(start, "initial joints [rad, m]", minimum, "verdict")
     for entry in simulation.branches:
         number = f"{entry.branch.index}{'*' if entry is chosen else ''}"
-        branches.add_row(
-            f"{number} {short_label(entry.branch.label)}",
-            decimals(entry.branch.joints, 3), f"{entry.minimum_margin:.4g}",
-            _verdict(simulation, entry),
-        )  # fmt: skip
+        name, joints = short_label(entry.branch.label), decimals(entry.branch.joints, 3)
+        margin, verdict = f"{entry.minimum_margin:.4g}", _verdict(simulation, entry)
+        branches.add_row(f"{number} {name}", joints, margin, verdict)
     yield branches
     yield from motion_lines(chosen, verbose)
     if simulation.out_of_reach is not None:
