@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 from typing_extensions import TypeAliasType
 
-from freefloat.records import Codec, Joints, Quantity, Tree, derived
+from freefloat.codec import Codec
+from freefloat.records import Joints, Quantity, Tree, derived
 from freefloat.so3 import Array
 
 

@@ -52,7 +52,7 @@ TESTS = {
     "tests/missions/test_phase_limits.py",
     "planning.plane.ranges": f"tests/planning/test_planar_ranges.py {RANGES}[2] {RANGES}[4]",
     "planning.touching.touch_points": "tests/planning/test_touch_points.py -k 'not brute_force'",
-    "records": "tests/test_records.py",
+    "codec": "tests/test_records.py",
 }
 """Arguments of pytest: the tests of a module or package, without its slowest."""
 LIBRARIES = ("numba", "pinocchio", "scipy.optimize", "pydantic", "pytest", "hypothesis", "mujoco")

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 import freefloat as ff
 from freefloat.dynamics.measures import SingularityMeasure
+from freefloat.motion.motion import Motion
 from freefloat.paths.curves import PolynomialCurve
 from freefloat.paths.orientation import FixedOrientation
 from freefloat.planning.plan import Plan
@@ -79,6 +80,20 @@ def touch_point_of_example_2(momentum: tuple[float, ...]) -> TouchPoint:
     return min(
         points, key=lambda point: np.abs(near(point.joints, TOUCH_JOINTS) - TOUCH_JOINTS).max()
     )
+
+
+def spatial_motion() -> Motion:
+    """The motion of Example 2 from the printed attitude, of the arm branch with the touch point."""
+    problem, point = example_2(), touch_point_of_example_2(H_EXCHANGED)
+    back = ff.integrate_motion(problem, point.attitude, point.joints, start=point.time, end=0.0)
+    branches = problem.branches(INITIAL_ATTITUDE)
+    branch = min(branches, key=lambda b: problem.model.joint_distance(b.joints, back.final.joints))
+    return ff.integrate_motion(problem, INITIAL_ATTITUDE, branch.joints)
+
+
+def planar_motion(degrees: float) -> Motion:
+    """The motion of Example 1 with S > 0 from a heading."""
+    return ff.simulate(example_1(), heading=np.radians(degrees), branch=0).chosen.motion
 
 
 def initial_attitude(momentum: tuple[float, ...]) -> Array:

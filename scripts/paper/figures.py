@@ -48,42 +48,14 @@ from freefloat.visualization.figures.scene_figures import from_above, outlines, 
 from freefloat.visualization.figures.workspace_figure import workspace_figure
 from paper.examples import (
     BAD_ATTITUDE,
-    H_EXCHANGED,
-    INITIAL_ATTITUDE,
     example_1,
     example_2,
     limits,
     plan_of_example_1,
-    touch_point_of_example_2,
+    planar_motion,
+    spatial_motion,
 )
 
-DESCRIPTIONS = {
-    "fig_2a": "Figure 2a: singularity curves I and II, and beside them margin curves III and IV, "
-    "of S = 5, and those of S = -5.",
-    "fig_2b": "Figure 2b: PIW, PDW A (of curve I) and PDW B (of curve II) with the path A'-F'-B' "
-    "of point 3, the virtual last joint, which enters a PDW at each E.",
-    "fig_3": "Figure 3: motion 1, along AB, touches a margin curve at C inside its path (Case I), "
-    "and motion 2, along AB cut off at the first E of Fig. 2b, at its end (Case II). On the "
-    "distance curves R point 3 is as far from the centre of mass as at A, B and E.",
-    "fig_4": "Figure 4b: on the robot, the barycentric vectors a to d lead from the centre of mass "
-    "to the end-effector.",
-    "fig_5": "Figure 5: what the steps of the paper's flowchart yield for Example 1: feasible "
-    "headings at F by each segment, by both, and at A.",
-    "fig_6": "Figure 6: from 140 degrees the arm becomes singular, at D.",
-    "fig_7": "Figure 7: from 200 degrees the end-effector follows the whole path.",
-    "fig_8a": "Figure 8a: spacecraft attitude and joint angles of that motion.",
-    "fig_8b": "Figure 8b: their rates.",
-    "fig_9": "Figure 9: in Example 2 the arm becomes singular on the way, at C.",
-    "fig_10": "Figure 10: from the printed attitude the path is followed from A to B.",
-    "fig_11a": "Figure 11a: position of the end-effector.",
-    "fig_11b": "Figure 11b: joint angles of shoulder and elbow.",
-    "fig_11c": "Figure 11c: joint angles of the wrist.",
-    "fig_11d": "Figure 11d: spacecraft attitude, x-y-z Euler angles.",
-    "fig_11e": "Figure 11e: rates of shoulder and elbow.",
-    "fig_11f": "Figure 11f: rates of the wrist.",
-    "fig_11g": "Figure 11g: angular velocity of the spacecraft in inertial axes.",
-}
-"""What each figure shows."""
 _RESOLUTION = 230
 _BELOW, _ABOVE, _LEFT = (-8.0, -8.0), (5.0, 4.0), (-10.0, 5.0)
 _ASIDE = {"A": _ABOVE, "B": _LEFT, "D": _LEFT, "F": _BELOW, "A'": _ABOVE, "B'": _LEFT, "F'": _ABOVE}
@@ -121,20 +93,6 @@ def all_figures() -> dict[str, Callable[[], Figure]]:
     }
 
 
-def spatial_motion() -> Motion:
-    """The motion of Example 2 from the printed attitude, of the arm branch with the touch point."""
-    problem, point = example_2(), touch_point_of_example_2(H_EXCHANGED)
-    back = ff.integrate_motion(problem, point.attitude, point.joints, start=point.time, end=0.0)
-    branches = problem.branches(INITIAL_ATTITUDE)
-    branch = min(branches, key=lambda b: problem.model.joint_distance(b.joints, back.final.joints))
-    return ff.integrate_motion(problem, INITIAL_ATTITUDE, branch.joints)
-
-
-def planar_motion(degrees: float) -> Motion:
-    """The motion of Example 1 with S > 0 from a heading."""
-    return ff.simulate(example_1(), heading=np.radians(degrees), branch=0).chosen.motion
-
-
 @styled
 def figure_2b() -> Figure:
     """The areas with the path A'-F'-B' of point 3, and the points E at which it enters a PDW."""
@@ -152,14 +110,10 @@ def figure_3() -> Figure:
     problem = example_1()
     last = time_of_e()
     ends = find_range_limits(problem, (0.0, last))
-    second = next(
-        limit.touch_point for limit in ends
-        if limit.touch_point.kind is TouchKind.END and limit.touch_point.level > 0.0
-    )  # fmt: skip
-    touching = [
-        (motion_through(problem, point, (0.0, end)), point)
-        for point, end in ((limits(0)[1].touch_point, problem.path.duration), (second, last))
-    ]
+    points = (limit.touch_point for limit in ends)
+    second = next(point for point in points if point.kind is TouchKind.END and point.level > 0.0)
+    both = (limits(0)[1].touch_point, problem.path.duration), (second, last)
+    touching = [(motion_through(problem, point, (0.0, end)), point) for point, end in both]
     figure = joint_space_figure(problem, [], (), touching)
     for (motion, _), number, share in zip(touching, "12", (0.85, 0.15), strict=True):
         curve = motion_curve(motion)
@@ -190,8 +144,7 @@ def name_places(axes: Any, places: dict[str, Array]) -> None:
     bold: Any = {"fontweight": "bold", "zorder": 10}
     for name, place in places.items():
         if len(place) == 3:
-            left = name == "A"
-            axes.text(*place, f" {name}  ", ha="right" if left else "left", va="top", **bold)
+            axes.text(*place, f" {name}  ", ha="right" if name == "A" else "left", va="top", **bold)
         else:
             draw_point(axes, place, ".", 3.0, color=BLACK, zorder=9)
             axes.annotate(name, place, _ASIDE[name], textcoords="offset points", **bold)

@@ -9,8 +9,14 @@ import numpy as np
 import freefloat as ff
 from freefloat.planning.motions import SimulatedBranch
 from paper.equations import EQUATIONS, link
-from paper.examples import INITIAL_ATTITUDE, example_1, example_2, limits, plan_of_example_1
-from paper.figures import DESCRIPTIONS, spatial_motion
+from paper.examples import (
+    INITIAL_ATTITUDE,
+    example_1,
+    example_2,
+    limits,
+    plan_of_example_1,
+    spatial_motion,
+)
 from paper.findings import all_findings
 from paper.numbers import Number, all_numbers
 
@@ -40,6 +46,34 @@ of Example 1, and τ is the time as a fraction of a segment. In Example 2, here 
 B is moved along z into the plane (41), unless a row says otherwise; the bundled scenario has B as
 printed (finding 1).
 """
+
+FIGURES = {
+    "fig_2a": "Figure 2a: singularity curves I and II, and beside them margin curves III and IV, "
+    "of S = 5, and those of S = -5.",
+    "fig_2b": "Figure 2b: PIW, PDW A (of curve I) and PDW B (of curve II) with the path A'-F'-B' "
+    "of point 3, the virtual last joint, which enters a PDW at each E.",
+    "fig_3": "Figure 3: motion 1, along AB, touches a margin curve at C inside its path (Case I), "
+    "and motion 2, along AB cut off at the first E of Fig. 2b, at its end (Case II). On the "
+    "distance curves R point 3 is as far from the centre of mass as at A, B and E.",
+    "fig_4": "Figure 4b: on the robot, the barycentric vectors a to d lead from the centre of mass "
+    "to the end-effector.",
+    "fig_5": "Figure 5: what the steps of the paper's flowchart yield for Example 1: feasible "
+    "headings at F by each segment, by both, and at A.",
+    "fig_6": "Figure 6: from 140 degrees the arm becomes singular, at D.",
+    "fig_7": "Figure 7: from 200 degrees the end-effector follows the whole path.",
+    "fig_8a": "Figure 8a: spacecraft attitude and joint angles of that motion.",
+    "fig_8b": "Figure 8b: their rates.",
+    "fig_9": "Figure 9: in Example 2 the arm becomes singular on the way, at C.",
+    "fig_10": "Figure 10: from the printed attitude the path is followed from A to B.",
+    "fig_11a": "Figure 11a: position of the end-effector.",
+    "fig_11b": "Figure 11b: joint angles of shoulder and elbow.",
+    "fig_11c": "Figure 11c: joint angles of the wrist.",
+    "fig_11d": "Figure 11d: spacecraft attitude, x-y-z Euler angles.",
+    "fig_11e": "Figure 11e: rates of shoulder and elbow.",
+    "fig_11f": "Figure 11f: rates of the wrist.",
+    "fig_11g": "Figure 11g: angular velocity of the spacecraft in inertial axes.",
+}
+"""What each figure shows."""
 
 
 def page() -> str:
@@ -141,7 +175,7 @@ def figures() -> str:
     """Those that are drawn, each below a sentence on it; empty if none is."""
     drawn = [
         f"{sentence}\n\n![{sentence}]({PICTURES}/{name}.png)\n"
-        for name, sentence in DESCRIPTIONS.items()
+        for name, sentence in FIGURES.items()
         if (PAGE.parent / PICTURES / f"{name}.png").exists()
     ]
     return "\n".join(["## The figures\n", *drawn]) if drawn else ""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import logging
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -67,6 +68,23 @@ def test_cached_kernels_are_compiled_again_when_a_called_kernel_changes(tmp_path
         (folder / "kernel.py").write_text(KERNEL)
         (folder / "helper.py").write_text(HELPER.format(value=value))
         assert run(folder, tmp_path / "cache") == [*found, "Scale."]
+
+
+@pytest.mark.slow
+def test_edits_of_kernels_and_of_their_constants_alone_have_another_cache(tmp_path: Path) -> None:
+    """Studies name Numba among the software of their runs, and compile nothing."""
+    package, caches = tmp_path / "freefloat", tmp_path / "cache"
+    shutil.copytree(Path(ff.__file__).parent, package)
+    environment = {**os.environ, "PYTHONPATH": str(tmp_path), "NUMBA_CACHE_DIR": str(caches)}
+    command = [sys.executable, "-c", "import freefloat.ik.spreading_kernel"]
+    counts = []
+    for file in ("studies/database.py", "ensemble/kernels/flow.py", "ensemble/endings.py"):
+        subprocess.run(command, env=environment, check=True)
+        with (package / file).open("a") as source:
+            source.write("# edited\n")
+        subprocess.run(command, env=environment, check=True)
+        counts.append(len([*caches.iterdir()]))
+    assert counts == [1, 2, 3]
 
 
 @pytest.mark.slow

@@ -82,8 +82,8 @@ def test_every_figure_is_drawn_and_shown(page: ModuleType, tmp_path: Path) -> No
     """Those of the script, each with its sentence; they show the numbers of the plan."""
     from paper import figures
 
-    assert [file.stem for file in figures.draw(tmp_path)] == [*figures.DESCRIPTIONS]
-    for name, sentence in figures.DESCRIPTIONS.items():
+    assert [file.stem for file in figures.draw(tmp_path)] == [*page.FIGURES]
+    for name, sentence in page.FIGURES.items():
         assert f"![{sentence}](pictures/paper/{name}.png)" in PAGE
         assert (ROOT / "docs" / "pictures" / "paper" / f"{name}.png").exists()
     axes = figures.figure_3().axes[0]

@@ -278,8 +278,8 @@ class _ArmBounds:
         self._orders = np.stack(np.meshgrid(orders, orders, indexing="ij"), axis=-1).reshape(-1, 2)
         self._joints = motion.coefficients[:, :, 6:8]
         self._rates = np.asarray(chebyshev.chebder(self._joints, axis=1), dtype=float)
-        largest = [np.abs(c).sum(axis=1)
-                   for c in (self._rates, chebyshev.chebder(self._rates, axis=1))]  # fmt: skip
+        both = self._rates, chebyshev.chebder(self._rates, axis=1)
+        largest = [np.abs(coefficients).sum(axis=1) for coefficients in both]
         first, second = (c @ np.abs(self._orders).T for c in largest)
         self._second_derivatives = (first**2 + second) @ np.abs(self._terms)
 

@@ -26,10 +26,7 @@ _Engine = Annotated[
 
 
 def check(
-    file: MotionFile,
-    engine: _Engine = None,
-    as_json: Json = False,
-    quiet: Quiet = False,
+    file: MotionFile, engine: _Engine = None, as_json: Json = False, quiet: Quiet = False
 ) -> None:
     """Verify a saved plan, motion, goal, manoeuvre or map from its file alone.
 
@@ -56,10 +53,8 @@ def check(
             result: Any = load(file)
             with error_context(file, options=("engine",)):
                 report = verify(result, engine or PINOCCHIO)
-            report = replace(
-                report, not_verified=(*report.not_verified, *UNVERIFIED),
-                given=(*GIVEN, *report.given),
-            )  # fmt: skip
+            unverified = (*report.not_verified, *UNVERIFIED)
+            report = replace(report, not_verified=unverified, given=(*GIVEN, *report.given))
         except AlteredFileError as error:
             report = CheckReport("file", (Check(error.key, False, error.problem),))
     console.json({"file": str(file), **report.to_dict()})

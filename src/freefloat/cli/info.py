@@ -84,21 +84,17 @@ def _tables(summary: RobotSummary, default_link: bool) -> Iterator[RenderableTyp
     model, measure, extremes = summary.model, summary.measure, summary.extremes
     yield f"{model.description.source}: {model.total_mass:.6g} kg"
     if arguments := model.description.arguments:
-        texts = (f"{argument.name} {one_line(argument.value)}{' (default)' * argument.default}"
-                 for argument in arguments)  # fmt: skip
+        texts = (f"{a.name} {one_line(a.value)}{' (default)' * a.default}" for a in arguments)
         yield f"xacro arguments: {', '.join(texts)}"
     if model.on_table:
         weight = f"gravity {model.gravity:g} m/s²" if model.gravity else "no gravity"
         yield f"base planar: along x and y, and about z; a table carries the rest; {weight}"
-    bodies = table(
-        "moved by", "mass [kg]", "range", "centre of mass [m]", "moments of inertia [kg m²]"
-    )
-    for body in model.bodies:
-        bodies.add_row(
-            body.joint if body in model.bodies[1:] else "spacecraft",
-            f"{body.mass:.6g}", _range(body) if body in model.bodies[1:] else "",
-            decimals(body.centre), " ".join(f"{x:.4g}" for x in body.inertia.diagonal()),
-        )  # fmt: skip
+    columns = "moved by", "mass [kg]", "range", "centre of mass [m]", "moments of inertia [kg m²]"
+    bodies = table(*columns)
+    for number, body in enumerate(model.bodies):
+        name, ends = (body.joint, _range(body)) if number else ("spacecraft", "")
+        moments = " ".join(f"{x:.4g}" for x in body.inertia.diagonal())
+        bodies.add_row(name, f"{body.mass:.6g}", ends, decimals(body.centre), moments)
     yield bodies
     default = " (the last link; --end-effector names another)" if default_link else ""
     yield f"end-effector {model.end_effector}{default}, task {summary.task}, {model.arm_dof} joints"
@@ -120,15 +116,13 @@ def _tables(summary: RobotSummary, default_link: bool) -> Iterator[RenderableTyp
         f"{extent(extremes.smallest, extremes.largest)} {measure.unit}".removesuffix(" 1")
     )
     if extremes.magnitude == 0.0:
-        yield Text(
-            f"task {summary.task} is singular everywhere: no configuration gives the end-effector "
-            f"{len(summary.task.rows)} independent rates", "yellow",
-        )  # fmt: skip
+        rates = f"gives the end-effector {len(summary.task.rows)} independent rates"
+        problem = f"task {summary.task} is singular everywhere: no configuration {rates}"
+        yield Text(problem, "yellow")
     if summary.contact_unchecked is not None:
         yield f"motions are not searched for contact: {summary.contact_unchecked}"
         return
-    held = [joint for joint in model.description.joints
-            if joint.moving and joint not in model.moving_joints]  # fmt: skip
+    held = (j for j in model.description.joints if j.moving and j not in model.moving_joints)
     joints = (*model.moving_joints, *held)
     pairs = ", ".join(f"{joint.parent} - {joint.child}" for joint in joints)
     yield f"not compared for contact, because a joint connects them: {pairs}"

@@ -11,17 +11,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.console import RenderableType
 
-from freefloat.cli.console import (
-    ANY,
-    DONE,
-    NEGATIVE,
-    Console,
-    attitude_text,
-    decimals,
-    search_lines,
-    table,
-)
+from freefloat.cli.console import ANY, DONE, NEGATIVE, Console, decimals, table
 from freefloat.cli.delivery import Delivery
+from freefloat.cli.motion_lines import attitude_text, search_lines
 from freefloat.cli.options import (
     Json,
     Plots,
@@ -153,10 +145,9 @@ def _attitude_tables(name: str, result: AttitudeMap) -> Iterator[RenderableType]
     regions = table("region", "branch", "fraction [%]", "centre x y z w", "depth [deg]")
     for number, region in enumerate(result.regions[:_MAX_REGIONS], start=1):
         error = f" ± {100.0 * region.error:.2f}" if region.error > 0.0 else ""
-        regions.add_row(
-            str(number), _number(region.branch), f"{100.0 * region.fraction:.2f}{error}",
-            decimals(region.centre, 5), f"{math.degrees(region.depth):.2f}",
-        )  # fmt: skip
+        cells = f"{100.0 * region.fraction:.2f}{error}", decimals(region.centre, 5)
+        depth = f"{math.degrees(region.depth):.2f}"
+        regions.add_row(str(number), _number(region.branch), *cells, depth)
     if result.regions:
         yield regions
     if len(result.regions) > _MAX_REGIONS:

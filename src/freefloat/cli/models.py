@@ -56,10 +56,7 @@ def schema(as_json: Json = False, quiet: Quiet = False) -> None:
     from freefloat.io.scenario.schema import ScenarioFile
     from freefloat.studies.study_file import StudyFile
 
-    schemas = {
-        "scenario": ScenarioFile.model_json_schema(),
-        "study": StudyFile.model_json_schema(),
-    }
+    schemas = {"scenario": ScenarioFile.model_json_schema(), "study": StudyFile.model_json_schema()}
     print_json({name: {"$id": f"urn:freefloat:{name}", **schemas[name]} for name in schemas})
 
 

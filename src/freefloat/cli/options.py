@@ -59,8 +59,7 @@ ScenarioName = Annotated[
                    autocompletion=scenario_names),
 ]  # fmt: skip
 NoOpen = Annotated[
-    bool,
-    typer.Option("--no-open", "--no-browser", help="Open no browser; implied by --json."),
+    bool, typer.Option("--no-open", "--no-browser", help="Open no browser; implied by --json.")
 ]
 ResultFile = Annotated[Path | None, option("FILE", "Write an HDF5 file.", "--output", "-o")]
 Page = Annotated[

@@ -10,20 +10,16 @@ import typer
 from rich.console import RenderableType
 from rich.text import Text
 
-from freefloat.cli.console import (
-    ANY,
-    DONE,
-    NEGATIVE,
-    Console,
+from freefloat.cli.console import ANY, DONE, NEGATIVE, Console, table
+from freefloat.cli.delivery import Delivery
+from freefloat.cli.motion_lines import (
     contact_lines,
     limit_lines,
     limit_tables,
     motion_lines,
     present_lines,
     search_lines,
-    table,
 )
-from freefloat.cli.delivery import Delivery
 from freefloat.cli.options import Json, Page, Plots, Quiet, ResultFile, ScenarioName, Threads
 from freefloat.ik.labels import short_label
 from freefloat.kinds import kind_of, named

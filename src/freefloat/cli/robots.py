@@ -86,27 +86,18 @@ class LoadedRobot:
 
 
 def load_robot(
-    console: Console,
-    robot: str,
-    end_effector: str | None,
-    file_options: FileOptions,
+    console: Console, robot: str, end_effector: str | None, file_options: FileOptions
 ) -> LoadedRobot:
     """The robot of a scenario or a URDF; exits with its errors if it has some."""
     from freefloat.dynamics.measures import singularity_measure
     from freefloat.dynamics.summary import natural_task
     from freefloat.io.scenario.scenario import load_scenario
-    from freefloat.robot.bundled import (
-        bundled_robots,
-        bundled_scenarios,
-        is_file,
-        is_scenario,
-        unknown,
-    )
+    from freefloat.robot import bundled
     from freefloat.robot.model import FreeFloatingModel
     from freefloat.robot.robot_packages import DESCRIPTIONS, EXAMPLE
     from freefloat.robot.validation import examine
 
-    if is_scenario(robot):
+    if bundled.is_scenario(robot):
         for option, value in {"end_effector": end_effector, **file_options.given}.items():
             if value:
                 raise InputError(option, "the scenario names it already", "a URDF with it")
@@ -124,18 +115,18 @@ def load_robot(
         task = natural_task(loaded.model())
         measure = singularity_measure(loaded.model(), task, "gjm")
         return LoadedRobot(loaded.model(), task, measure, diagnostics, loaded)
-    named = robot.startswith((EXAMPLE, DESCRIPTIONS)) or robot in bundled_robots()
-    if named or is_file(Path(robot)):
+    named = robot.startswith((EXAMPLE, DESCRIPTIONS)) or robot in bundled.bundled_robots()
+    if named or bundled.is_file(Path(robot)):
         source = robot_source(robot, file_options)
         diagnostics = _require_no_error(console, examine(source))
         model = FreeFloatingModel.from_urdf(source, end_effector)
         task = natural_task(model)
         return LoadedRobot(model, task, singularity_measure(model, task, "gjm"), diagnostics)
-    if scenarios := [name for name in bundled_scenarios() if name.startswith(f"{robot}/")]:
+    if scenarios := [name for name in bundled.bundled_scenarios() if name.startswith(f"{robot}/")]:
         accepted = f"one of them: {', '.join(scenarios)}"
         raise InputError("robot", f"{robot} is assembled in scenarios, not a URDF", accepted)
-    names = (*bundled_robots(), *bundled_scenarios())
-    raise unknown("robot", robot, names, "a URDF, a scenario file, or one of")
+    names = (*bundled.bundled_robots(), *bundled.bundled_scenarios())
+    raise bundled.unknown("robot", robot, names, "a URDF, a scenario file, or one of")
 
 
 def robot_source(robot: str, options: FileOptions) -> RobotSource:

@@ -10,19 +10,15 @@ import typer
 from rich.console import RenderableType
 from rich.text import Text
 
-from freefloat.cli.console import (
-    DONE,
-    NEGATIVE,
-    Console,
+from freefloat.cli.console import DONE, NEGATIVE, Console, decimals, table
+from freefloat.cli.delivery import Delivery
+from freefloat.cli.motion_lines import (
     contact_lines,
-    decimals,
     limit_lines,
     limit_tables,
     motion_lines,
     present_lines,
-    table,
 )
-from freefloat.cli.delivery import Delivery
 from freefloat.cli.options import (
     Attitude,
     Json,
@@ -144,11 +140,9 @@ def simulation_tables(
     branches = table(start, "initial joints [rad, m]", minimum, "verdict")
     for entry in simulation.branches:
         number = f"{entry.branch.index}{'*' if entry is chosen else ''}"
-        branches.add_row(
-            f"{number} {short_label(entry.branch.label)}",
-            decimals(entry.branch.joints, 3), f"{entry.minimum_margin:.4g}",
-            _verdict(simulation, entry),
-        )  # fmt: skip
+        name, joints = short_label(entry.branch.label), decimals(entry.branch.joints, 3)
+        margin, verdict = f"{entry.minimum_margin:.4g}", _verdict(simulation, entry)
+        branches.add_row(f"{number} {name}", joints, margin, verdict)
     yield branches
     yield from motion_lines(chosen, verbose)
     if simulation.out_of_reach is not None:

@@ -168,7 +168,7 @@ def unit_of_length(model: FreeFloatingModel, task: Task) -> float:
 
     For planar tasks on a table it is the reach in the plane, whatever the height of the arm.
     """
-    virtual = VirtualManipulator.of(model.with_arms_at_zero)
+    virtual = VirtualManipulator.of(model.single_arms[0])
     if not (task.planar and model.on_table):
         return virtual.reach
     in_plane = virtual.lengths(required_plane(model, task).normal)

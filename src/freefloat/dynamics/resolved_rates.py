@@ -36,13 +36,7 @@ import pinocchio as pin
 from scipy.linalg.lapack import dgeqrf, dgesv, dorgqr, dtrtrs
 
 from freefloat.dynamics.momentum import CARRIED, mass_matrix
-from freefloat.dynamics.redundancy import (
-    Metric,
-    Redundancy,
-    Toward,
-    joint_weights,
-    range_centres,
-)
+from freefloat.dynamics.redundancy import Metric, Redundancy, Toward, joint_weights, range_centres
 from freefloat.dynamics.system import System
 from freefloat.dynamics.tasks import Task, prescribed_rows, require_task, required_plane
 from freefloat.so3 import Array, turned
@@ -52,10 +46,7 @@ class ResolvedRateSolver:
     """Solver of equation (4) for the spacecraft's angular velocity and the joint rates."""
 
     def __init__(
-        self,
-        system: System,
-        task: Task | str,
-        redundancy: Redundancy | None = None,
+        self, system: System, task: Task | str, redundancy: Redundancy | None = None
     ) -> None:
         """Prepare the equation, with a row for the rate of each joint of further arms that move.
 

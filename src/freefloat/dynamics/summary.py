@@ -131,18 +131,18 @@ class RobotSummary:
     @cached_property
     def reach(self) -> tuple[float, float]:
         """Smallest and largest distance found from the centre of mass to the end-effector [m]."""
-        return sampled_reach(self.model.with_arms_at_zero, self.task)
+        return sampled_reach(self.model.single_arms[0], self.task)
 
     @property
     def lengths(self) -> Array:
         """Lengths of the barycentric vectors [m], of planar tasks in the plane, shape (n + 1,)."""
-        virtual = VirtualManipulator.of(self.model.with_arms_at_zero)
+        virtual = VirtualManipulator.of(self.model.single_arms[0])
         return virtual.lengths(None if self.plane is None else self.plane.normal)
 
     def to_dict(self) -> dict[str, Any]:
         """The JSON document of ``freefloat info``."""
         model, measure, plane = self.model, self.measure, self.plane
-        virtual = VirtualManipulator.of(model.with_arms_at_zero)
+        virtual = VirtualManipulator.of(model.single_arms[0])
         return {
             "urdf": model.description.source,
             "arguments": [asdict(argument) for argument in model.description.arguments],

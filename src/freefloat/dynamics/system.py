@@ -70,10 +70,8 @@ class System:
 
         Backward in time it is that of the factor -1.
         """
-        return replace(
-            self, momentum=factor * self.momentum, wheels=factor * self.wheels,
-            drift=factor * self.drift,
-        )  # fmt: skip
+        momentum, wheels = factor * self.momentum, factor * self.wheels
+        return replace(self, momentum=momentum, wheels=wheels, drift=factor * self.drift)
 
     def attitude(self, values: npt.ArrayLike) -> Array:
         """The unit quaternion of an attitude; an InputError unless the robot can have it."""

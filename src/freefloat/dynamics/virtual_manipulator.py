@@ -68,10 +68,8 @@ class VirtualManipulator:
             for body, fraction, outer, step in zip(bodies, fractions, outward, steps, strict=True)
         ])  # fmt: skip
         strokes = 1.0 - outward[:-1]
-        extension = sum(
-            stroke * max(abs(body.lower), abs(body.upper))
-            for body, stroke in zip(arm, strokes, strict=True) if body.prismatic
-        )  # fmt: skip
+        moved = [(body, s) for body, s in zip(arm, strokes, strict=True) if body.prismatic]
+        extension = sum(s * max(abs(body.lower), abs(body.upper)) for body, s in moved)
         virtual = cls(
             links=frozen(links),
             rotations=frozen([body.placement.rotation for body in arm]),

@@ -87,10 +87,8 @@ def integrate_disturbed(
     starts = starts_at(problem, attitudes, branch, joints, disturbed.systems)
     owners, columns = np.nonzero(starts.exist)
     begun = starts.joints[owners, columns]
-    motions, moments, deciders, replaced = _decided(
-        disturbed[owners], attitudes[owners], begun, thresholds[owners], threads, progress,
-        limits=limits,
-    )  # fmt: skip
+    posed = disturbed[owners], attitudes[owners], begun, thresholds[owners]
+    motions, moments, deciders, replaced = _decided(*posed, threads, progress, limits=limits)
     required = thresholds[owners] / disturbed.magnifications[owners]
     preferred = keeps_threshold(motions.minimum, required)
     values, turns = LimitValues.empty(len(owners), 0), np.full(len(owners), np.nan)
@@ -136,21 +134,17 @@ def _decided(
 
     Last comes whose endings were wrong: their extreme values and slacks are unknown.
     """
-    required = thresholds / disturbed.magnifications
+    problem, required = disturbed.problem, thresholds / disturbed.magnifications
     attitude = None if limits is None else limits.compared
     columns = 3 * joints.shape[1] + 1 + (0 if attitude is None else attitude.number)
     moments = np.full((len(joints), columns), np.nan)
 
     def integrated(chosen: IntArray | slice, tolerance: float, **options: Any) -> EnsembleResult:
-        some = disturbed[chosen]
-        integrator = EnsembleIntegrator(
-            disturbed.problem, threads, tolerance=tolerance, limits=attitude
-        )
-        found_at = np.full((len(some), columns), np.nan)
-        found = integrator.integrate(
-            attitudes[chosen], joints[chosen], some.systems, extremes=limits is not None,
-            moments=found_at, **options,
-        )  # fmt: skip
+        starts = attitudes[chosen], joints[chosen], disturbed[chosen].systems
+        integrator = EnsembleIntegrator(problem, threads, tolerance=tolerance, limits=attitude)
+        found_at = np.full((len(starts[0]), columns), np.nan)
+        options |= {"extremes": limits is not None, "moments": found_at}
+        found = integrator.integrate(*starts, **options)
         moments[chosen] = found_at
         endings = np.where(found.endings == LIMITED, COMPLETED, found.endings).astype(np.int8)
         return found._replace(endings=endings)
@@ -167,19 +161,18 @@ def _decided(
     step: Progress | None = step_of(progress, 0.0, _FIRST_PASS)
     first = integrated(slice(None), STEP_TOLERANCE, progress=step)
     motions = EnsembleResult._make(values.copy() for values in first)
-    nearly_singular = _PLANAR_RATIO if disturbed.problem.task.planar else _SINGULAR_RATIO
+    nearly_singular = _PLANAR_RATIO if problem.task.planar else _SINGULAR_RATIO
     again = (motions.endings != COMPLETED) | (motions.determinant_ratios < nearly_singular)
     again |= _is_near(motions.minimum, required, _UNDECIDED)
     again |= unclear(motions, slice(None), NORMAL)
     deciders, chosen = np.full(len(joints), NORMAL, np.int8), np.flatnonzero(again)
-    careful = disturbed.problem.task.planar or disturbed.problem.redundant
     step = step_of(progress, _FIRST_PASS, 1.0)
-    for decider in (STRICT,) if careful else (FINE, STRICT):
+    for decider in (STRICT,) if problem.task.planar or problem.redundant else (FINE, STRICT):
         finer = integrated(chosen, _TOLERANCES[decider], progress=step)
         doubtful = (finer.endings != motions.endings[chosen]) | (finer.endings == FAILED)
         doubtful |= _is_near(finer.minimum, required[chosen], _STILL_UNDECIDED)
         if decider == FINE:  # with exact numbers, fast ones may pass the singularity
-            fast = finer.rates.max(axis=1) * disturbed.problem.path.duration > _GRAZING_RATE
+            fast = finer.rates.max(axis=1) * problem.path.duration > _GRAZING_RATE
             doubtful |= (finer.endings == SINGULAR) & fast | unclear(finer, chosen, FINE)
         motions.assign(chosen, finer)
         deciders[chosen] = decider

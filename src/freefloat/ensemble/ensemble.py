@@ -124,18 +124,14 @@ class EnsembleIntegrator:
             moments,
             np.empty((0, 1)) if steps is None else steps,
         )
-        properties = 0 if robots is None else robots.shape[1]
+        properties, paths = 0 if robots is None else robots.shape[1], len(self.problem.path.every)
+        sizes = n, self._arrays.robot.m, len(self._spares), properties, paths
         result = EnsembleResult.empty((K,), n, len(self._spares))
         chunk = min(_CHUNK, max(-(-K // self.threads), _FEWEST))
 
         def integrate_chunk(first: int) -> None:
-            integrate_many(
-                self._arrays, motions, first, min(first + chunk, K), self.tolerance,
-                make_workspace(
-                    n, self._arrays.robot.m, len(self._spares), properties,
-                    len(self.problem.path.every),
-                ), result,
-            )  # fmt: skip
+            part = first, min(first + chunk, K), self.tolerance
+            integrate_many(self._arrays, motions, *part, make_workspace(*sizes), result)
 
         run_chunks(integrate_chunk, range(0, K, chunk), self.threads, progress)
         result.attitudes[:] = self._axes.attitudes(result.attitudes, back=True)

@@ -68,10 +68,8 @@ class PreciseIntegrator:
         for k, (start, end) in enumerate(zip(starts.tolist(), ends.tolist(), strict=True)):
             problem = self.problem if systems is None else systems.problem_of(self.problem, k)
             try:
-                motion = integrate_motion(
-                    problem, attitudes[k], joints[k], start=start, end=end,
-                    tolerance=self.tolerance,
-                )  # fmt: skip
+                state, exact = (attitudes[k], joints[k]), self.tolerance
+                motion = integrate_motion(problem, *state, start=start, end=end, tolerance=exact)
             except IntegrationError as error:
                 result.endings[k], result.ended_at[k] = FAILED, error.time
             else:

@@ -131,27 +131,17 @@ def _starts_of_robots(
         else:
             q = Chain.of(problem.model).into_range(q.T).T
         found = Starts(q, np.where(certain[:, None], found.branches, -1))
-    exact = {
-        k: starts_at(
-            systems.path_of(problem, k), attitudes[k : k + 1], branch,
-            joints if joints is None or joints.ndim == 1 else joints[k],
-        )
-        for k in np.flatnonzero(~certain).tolist()
-    }  # fmt: skip
-    columns = found.branches.shape[1]
-    width = max([columns, *(starts.branches.shape[1] for starts in exact.values())])
-    every = Starts(
-        np.full((count, width, problem.model.arm_dof), np.nan),
-        np.full((count, width), -1),
-    )
-    every.joints[:, :columns], every.branches[:, :columns] = found.joints, found.branches
-    for k, starts in exact.items():
+    exact = {}
+    for k in np.flatnonzero(~certain).tolist():
+        near = joints if joints is None or joints.ndim == 1 else joints[k]
+        exact[k] = starts_at(systems.path_of(problem, k), attitudes[k : k + 1], branch, near)
+    parts = [(slice(count), found), *((slice(k, k + 1), starts) for k, starts in exact.items())]
+    width = max(starts.branches.shape[1] for _, starts in parts)
+    every = np.full((count, width, problem.model.arm_dof), np.nan), np.full((count, width), -1)
+    for rows, starts in parts:
         columns = starts.branches.shape[1]
-        every.joints[k, :columns], every.branches[k, :columns] = (
-            starts.joints[0],
-            starts.branches[0],
-        )
-    return every
+        every[0][rows, :columns], every[1][rows, :columns] = starts.joints, starts.branches
+    return Starts(*every)
 
 
 def _near_starts(
@@ -166,10 +156,9 @@ def _near_starts(
     for moved in (robots.offsets, offsets):
         position = position if moved is None else position + moved
     q, near = np.full(joints.shape, np.nan), np.zeros(joints.shape[:2], dtype=bool)
-    q[rows, columns], residuals = Newton.of(problem.model, problem.task).solved(
-        (back @ position[..., None])[..., 0], back @ pose.rotation, rows, begun,
-        _NEWTON_STEPS, robots=robots.properties(problem),
-    )  # fmt: skip
+    newton, targets = Newton.of(problem.model, problem.task), (back @ position[..., None])[..., 0]
+    posed, others = (targets, back @ pose.rotation, rows, begun), robots.properties(problem)
+    q[rows, columns], residuals = newton.solved(*posed, _NEWTON_STEPS, robots=others)
     far = np.abs(q[rows, columns] - begun).max(axis=1, initial=0.0) > _FAR
     near[rows, columns] = (residuals < CONVERGED) & ~far
     return q, np.asarray(near.all(axis=1))

@@ -131,10 +131,8 @@ class ScaledMotions:
 
     def __getitem__(self, chosen: BoolArray | IntArray | slice) -> ScaledMotions:
         """Some of the motions."""
-        return ScaledMotions(
-            self.problem, self.systems[chosen], self.stretches[chosen], self.factors[chosen],
-            self.scales[chosen],
-        )  # fmt: skip
+        numbers = self.stretches[chosen], self.factors[chosen], self.scales[chosen]
+        return ScaledMotions(self.problem, self.systems[chosen], *numbers)
 
     @property
     def magnifications(self) -> Array:

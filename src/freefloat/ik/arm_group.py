@@ -80,9 +80,8 @@ class ArmGroup:
         """The arms of a robot."""
         ends = np.cumsum([arm.dof for arm in model.single_arms]).tolist()
         pairs = zip(model.single_arms, ends, strict=True)
-        return cls(model, task, tuple(
-            Arm(arm, slice(end - arm.dof, end), closed_form(arm, task)) for arm, end in pairs
-        ))  # fmt: skip
+        arms = (Arm(arm, slice(end - arm.dof, end), closed_form(arm, task)) for arm, end in pairs)
+        return cls(model, task, tuple(arms))
 
     @property
     def closed(self) -> bool:

@@ -143,10 +143,7 @@ def arm_branches(model: FreeFloatingModel, target: Pose, task: Task | str) -> tu
 
 
 def many_arm_branches(
-    model: FreeFloatingModel,
-    positions: Array,
-    rotations: Array,
-    task: Task,
+    model: FreeFloatingModel, positions: Array, rotations: Array, task: Task
 ) -> BranchSets:
     """All arm branches at each of K end-effector poses.
 
@@ -185,10 +182,7 @@ def many_arm_branches(
 
 
 def search_arm_branches(
-    model: FreeFloatingModel,
-    positions: Array,
-    rotations: Array,
-    task: Task,
+    model: FreeFloatingModel, positions: Array, rotations: Array, task: Task
 ) -> BranchSets:
     """:func:`many_arm_branches` by Newton's method, also for arms with a closed form."""
     m = len(task.rows)

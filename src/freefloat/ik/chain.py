@@ -59,10 +59,9 @@ class Chain:
             swings = swings and bool(np.linalg.norm(axes[0, 0, :2]) < _VERTICAL)
             in_last_body = R[0] @ virtual.tool.T
             last, last_upright = (in_last_body @ v.links[-1] for v in (virtual, virtual.upright))
-        return cls(
-            points[:, 0].T, axes[:, 0].T, p[0], R[0], last, last_upright, swings,
-            virtual.prismatic, model.joint_ranges,
-        )  # fmt: skip
+        at_zero = points[:, 0].T, axes[:, 0].T, p[0], R[0]
+        kinds, ranges = virtual.prismatic, model.joint_ranges
+        return cls(*at_zero, last, last_upright, swings, kinds, ranges)
 
     def into_range(self, q: Array) -> Array:
         """Revolute joints (n, ...) shifted by full rotations into their range, near zero."""

@@ -74,11 +74,9 @@ class Newton:
         q, residuals = np.array(q, order="C"), np.empty(len(q))
         if not len(q):
             return q, residuals
-        solve_all(
-            self._robot, robots, np.ascontiguousarray(targets), np.ascontiguousarray(pose), q,
-            residuals, steps, patience,
-            make_workspace(self._robot, 0 if robots is None else robots.shape[1]),
-        )  # fmt: skip
+        wanted = np.ascontiguousarray(targets), np.ascontiguousarray(pose)
+        work = make_workspace(self._robot, 0 if robots is None else robots.shape[1])
+        solve_all(self._robot, robots, *wanted, q, residuals, steps, patience, work)
         return q, residuals
 
     def solutions(

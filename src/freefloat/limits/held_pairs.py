@@ -115,17 +115,15 @@ def sampled_configurations(lower: Array, upper: Array) -> Iterator[Array]:
         lower: Lower ends of the ranges [rad or m], shape (n,).
         upper: Upper ends, likewise.
     """
-    low, high = (np.where(np.isfinite(ends), ends, full)
-                 for ends, full in ((lower, -np.pi), (upper, np.pi)))  # fmt: skip
+    low, high = np.where(np.isfinite([lower, upper]), [lower, upper], [[-np.pi], [np.pi]])
     for fraction in low_discrepancy(_CONFIGURATIONS, len(low)):
         yield np.concatenate([INERTIAL, low + fraction * (high - low)])
 
 
 def _joints_above(robot: RobotDescription) -> dict[str, frozenset[str]]:
     """The joints that could move each link relative to the root link."""
-    above = dict[str, frozenset[str]]()
     waiting = list(robot.roots)
-    above |= dict.fromkeys(waiting, frozenset())
+    above = dict.fromkeys(waiting, frozenset[str]())
     for link in waiting:
         for joint in robot.children.get(link, ()):
             above[joint.child] = above[link] | ({joint.name} if joint.moving else set())
@@ -151,8 +149,8 @@ def _sampled_distances(
     joints = {joint.name: joint for joint in model.description.joints if joint.name in names}
     pin_model, places = build_model(model.description, tuple(joints.values()), model.fixed_joints)
     data = pin_model.createData()
-    bodies = [body_of(pin_model, k, joints[pin_model.names[k]])
-              for k in range(2, pin_model.njoints)]  # fmt: skip
+    names_of = enumerate(pin_model.names[2:], start=2)
+    bodies = [body_of(pin_model, k, joints[name]) for k, name in names_of]
     lower, upper = np.array([(body.lower, body.upper) for body in bodies]).T
     frames = list[tuple[int, pin.SE3]]()
     for shape in shapes:

@@ -135,10 +135,8 @@ class Limit(ABC, Generic[Bound]):
     ) -> LimitResult:
         """A result of this limit, kept where its ratio is at most 1; others are its attributes."""
         values: dict[str, Any] = {"kept": bool(ratio <= 1.0 + ROUNDING), "unit": self.unit} | others
-        return LimitResult(
-            limit=self.name, worst=float(worst), allowed=float(allowed), ratio=float(ratio),
-            time=time, where=where, exponent=self.exponent, **values,
-        )  # fmt: skip
+        values |= {"limit": self.name, "time": time, "where": where, "exponent": self.exponent}
+        return LimitResult(worst=float(worst), allowed=float(allowed), ratio=float(ratio), **values)
 
 
 class JointLimit(Limit[Bound]):

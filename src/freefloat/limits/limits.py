@@ -9,7 +9,7 @@ import numpy as np
 
 from freefloat.errors import require_type
 from freefloat.limits.kinds import KINDS
-from freefloat.limits.limit import Limit, MagnitudeLimit
+from freefloat.limits.limit import MagnitudeLimit
 from freefloat.motion.pointing import AttitudeLimits
 from freefloat.motion.setting import Setting
 from freefloat.robot.model import FreeFloatingModel
@@ -113,11 +113,8 @@ class Limits(AttitudeLimits):
         return any(kind.exponent >= least for kind in given)
 
 
-GIVEN: tuple[type[Limit[Any]], ...] = tuple(
-    kind
-    for field in sorted(fields(Limits), key=lambda field: bool(field.kw_only))
-    for kind in KINDS if kind.name == field.name
-)  # fmt: skip
+_FIELDS = [field.name for field in sorted(fields(Limits), key=lambda field: bool(field.kw_only))]
+GIVEN = tuple(kind for name in _FIELDS for kind in KINDS if kind.name == name)
 """The limits that are attributes of :class:`Limits`, those of attitude last."""
 
 

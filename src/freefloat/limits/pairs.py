@@ -12,12 +12,7 @@ import numpy.typing as npt
 import pinocchio as pin
 
 from freefloat.errors import ModelError
-from freefloat.limits.collision import (
-    CollisionShape,
-    all_shapes,
-    shapes_of_bodies,
-    shapes_of_links,
-)
+from freefloat.limits.collision import CollisionShape, all_shapes, shapes_of_bodies, shapes_of_links
 from freefloat.limits.held_pairs import (
     HeldPairs,
     always_near,
@@ -40,11 +35,10 @@ class CollisionPairs:
     """Pairs of shapes on different bodies, and their distances.
 
     Links that a joint connects are left out, moving or held, and those of SRDF's
-    ``disable_collisions``. So are pairs of links at most the
-    clearance apart in each of 1024 sampled configurations; they are not checked and are named in
-    :attr:`left_out`. Of the pairs whose distance is constant, because only held joints separate
-    them, the nearest stands for all. Pairs of a link and a body of the scene are left out where
-    they may touch.
+    ``disable_collisions``. So are pairs of links at most the clearance apart in each of 1024
+    sampled configurations; they are not checked and are named in :attr:`left_out`. Of the pairs
+    whose distance is constant, because only held joints separate them, the nearest stands for all.
+    Pairs of a link and a body of the scene are left out where they may touch.
 
     Attributes:
         model: The robot.
@@ -98,23 +92,18 @@ class CollisionPairs:
         self.pairs: IntArray = candidates[~near]
         self._numbers = np.flatnonzero(~near)
         too_near = [*candidates[near].tolist(), *held.always_near]
-        unusable = {owner.name: owner.error.problem for owner in owners if owner.error is not None}
-        missing = "without shape" if stated else "without collision shape"
-        self.left_out = (
-            *self._too_near(too_near, held),
-            *(f"{name}: {problem}" for name, problem in unusable.items()),
-            *(f"{name}: {missing}" for name in _without_shape(model, robot, scene)
-              if name not in unusable),
-            *_not_compared(scene),
-        )  # fmt: skip
+        reasons = {owner.name: owner.error.problem for owner in owners if owner.error is not None}
+        for name in _without_shape(model, robot, scene):
+            reasons.setdefault(name, "without shape" if stated else "without collision shape")
+        unusable = [f"{name}: {reason}" for name, reason in reasons.items()]
+        self.left_out = (*self._too_near(too_near, held), *unusable, *_not_compared(scene))
         if stated and not len(self.pairs):
             problem = "the robot has no two shapes that could collide"
             accepted = "a URDF with <collision> or <visual> shapes"
             if near.any():
                 problem = f"no two shapes of the robot are ever farther than {clearance:g} m apart"
                 accepted = "a smaller distance"
-            source = model.description.source
-            raise ModelError("limits.clearance", problem, accepted, source)
+            raise ModelError("limits.clearance", problem, accepted, model.description.source)
 
     def name(self, pair: int) -> str:
         """Links of a pair, ``"a - b"``."""
@@ -206,10 +195,9 @@ class CollisionPairs:
     @property
     def spheres(self) -> tuple[Array, Array]:
         """Spheres around both shapes in the bodies' frames: centres (P, 2, 3), radii (P, 2) [m]."""
-        middles = [(shape.points.min(axis=0) + shape.points.max(axis=0)) / 2.0
-                   for shape in self.shapes]  # fmt: skip
-        radii = [np.linalg.norm(shape.points - middle, axis=1).max()
-                 for shape, middle in zip(self.shapes, middles, strict=True)]  # fmt: skip
+        points = [shape.points for shape in self.shapes]
+        middles = [(p.min(axis=0) + p.max(axis=0)) / 2.0 for p in points]
+        radii = [np.linalg.norm(p - c, axis=1).max() for p, c in zip(points, middles, strict=True)]
         return np.array(middles)[self.pairs], np.array(radii)[self.pairs]
 
     def _pairs_with_scene(self, robot: Sequence[CollisionShape]) -> list[tuple[int, int]]:
@@ -253,10 +241,8 @@ class CollisionPairs:
         geometry = pin.GeometryModel()
         for number, shape in enumerate(self.shapes):
             parent = 0 if shape.body > self.model.dof else shape.body + 1
-            placement = se3_of(shape.placement)
-            geometry.addGeometryObject(
-                pin.GeometryObject(f"{number}", parent, placement, shape.geometry)
-            )
+            at, name = se3_of(shape.placement), f"{number}"
+            geometry.addGeometryObject(pin.GeometryObject(name, parent, at, shape.geometry))
         for first, second in pairs.tolist():
             geometry.addCollisionPair(pin.CollisionPair(first, second))
         data = geometry.createData()
@@ -296,9 +282,8 @@ def _without_shape(
 ) -> list[str]:
     """Links with mass that neither have a shape nor are a body of the scene."""
     shaped = {shape.link for shape in robot} | {body.payload for body in scene.bodies}
-    return [
-        link.name for link in model.description.links if link.mass > 0.0 and link.name not in shaped
-    ]
+    links = [link for link in model.description.links if link.mass > 0.0]
+    return [link.name for link in links if link.name not in shaped]
 
 
 def _not_compared(scene: Scene) -> list[str]:

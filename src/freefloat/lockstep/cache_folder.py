@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import os
+import re
 import stat
 import sys
 from contextlib import suppress
@@ -11,6 +12,9 @@ from functools import cache
 from hashlib import sha256
 from pathlib import Path
 
+_KERNELS = re.compile(rb"^from (numba|freefloat\.lockstep\.compilation)\b", re.MULTILINE)
+_CONSTANTS = re.compile(rb"^from freefloat\.(\S+) import (?:\(\s*)?[A-Z][A-Z_]", re.MULTILINE)
+"""Lines of modules with kernels, and of those among them that import constants."""
 _logger = logging.getLogger("freefloat")
 
 
@@ -33,10 +37,12 @@ def cache_folder(package: Path) -> Path | None:
 
 
 def _digest(folder: Path) -> str:
-    """Digest of the sources below a folder that contain kernels."""
-    texts = [path.read_bytes() for path in sorted(folder.rglob("*.py"))]
-    kernels = [text for text in texts if b"compilation import" in text or b"numba" in text]
-    return sha256(b"".join(kernels)).hexdigest()
+    """Digest of the sources below a folder with kernels, and with constants that these import."""
+    texts = {path: path.read_bytes() for path in sorted(folder.rglob("*.py"))}
+    kernels = {path for path, text in texts.items() if _KERNELS.search(text)}
+    names = {name.decode() for path in kernels for name in _CONSTANTS.findall(texts[path])}
+    used = kernels | {folder / f"{name.replace('.', '/')}.py" for name in names}
+    return sha256(b"".join(text for path, text in texts.items() if path in used)).hexdigest()
 
 
 def _is_private(folder: Path, package: Path) -> bool:

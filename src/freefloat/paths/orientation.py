@@ -18,15 +18,7 @@ import scipy
 
 from freefloat.paths.curves import Segmented, segments_within, significant_breaks
 from freefloat.rotations import Rotation
-from freefloat.so3 import (
-    Array,
-    Pose,
-    attitude_axes,
-    cross,
-    frozen,
-    rotation_vector_between,
-    turned,
-)
+from freefloat.so3 import Array, Pose, attitude_axes, cross, frozen, rotation_vector_between, turned
 
 _NEGLIGIBLE = 1e-8
 """Rotation by jumps of derivatives [rad] that is ignored."""

@@ -113,8 +113,8 @@ class TwoAngleDeterminant:
             return [(-np.pi, np.pi)] if values.max() > 0.0 else []
         ends = [*roots, roots[0] + 2.0 * np.pi]
         middles = (np.array(ends[:-1]) + ends[1:]) / 2.0
-        return [part for part, room in zip(pairwise(ends), self.room(middles, level), strict=True)
-                if room > 0.0]  # fmt: skip
+        parts = zip(pairwise(ends), self.room(middles, level), strict=True)
+        return [part for part, room in parts if room > 0.0]
 
 
 @dataclass(frozen=True, eq=False)
@@ -201,10 +201,8 @@ def level_curves(arm: PlanarArm, *levels: float) -> tuple[MarginCurve, ...]:
         levels: Values S0 of S.
     """
     S, sign = TwoAngleDeterminant.of(arm), float(np.prod(arm.signs))
-    return tuple(
-        _curve(arm, S, level, interval, first=first)
-        for level in levels for interval in S.intervals(sign * level) for first in (True, False)
-    )  # fmt: skip
+    parts = [(level, interval) for level in levels for interval in S.intervals(sign * level)]
+    return tuple(_curve(arm, S, *part, first=first) for part in parts for first in (True, False))
 
 
 def _curve(

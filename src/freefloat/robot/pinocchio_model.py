@@ -40,8 +40,7 @@ def described(model: pin.Model, end_effector: str, geometry: Any = None) -> Robo
     path = _path(model, end_effector)
     kind = model.joints[path[1]].shortname() if len(path) > 1 else ""
     root = path[1] if kind in _ROOTS else 0
-    joints = [joint for joint in range(root, model.njoints)
-              if root in model.supports[joint].tolist()]  # fmt: skip
+    joints = [k for k in range(root, model.njoints) if root in model.supports[k].tolist()]
     robot = etree.Element("robot", name=_printable(model.name))
     bodies, links = _links(model, joints)
     for joint, name in bodies.items():
@@ -141,9 +140,8 @@ def _add_joints(
         etree.SubElement(element, "axis", xyz=text_of(S[:3] if sliding else S[3:]))
         rated = {"velocity": model.velocityLimit[v], "effort": model.effortLimit[v]}
         limits = rated if endless else rated | ends
-        etree.SubElement(element, "limit", {
-            key: text_of(np.clip(value, -UNLIMITED, UNLIMITED)) for key, value in limits.items()
-        })  # fmt: skip
+        texts = {k: text_of(np.clip(v, -UNLIMITED, UNLIMITED)) for k, v in limits.items()}
+        etree.SubElement(element, "limit", texts)
         if model.armature[v]:
             armature = text_of(model.armature[v])
             etree.SubElement(element, "dynamics", damping="0", armature=armature)

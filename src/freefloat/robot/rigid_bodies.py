@@ -97,8 +97,8 @@ def moving_joints(
             problem = f"the robot has no such joint{did_you_mean(name, names)}"
             raise ModelError(f"fixed_joints.{name}", problem, ", ".join(names))
         if not np.isfinite(value):
-            accepted = "a finite number [rad, m]"
-            raise ModelError(f"fixed_joints.{name}", f"{value} was given", accepted)
+            problem, accepted = f"{value} was given", "a finite number [rad, m]"
+            raise ModelError(f"fixed_joints.{name}", problem, accepted)
     chain: list[Joint] = []
     below = link
     while below in robot.parent_joints:
@@ -196,9 +196,7 @@ def build_model(
 ) -> tuple[Any, Mapping[str, tuple[int, Pose]]]:
     """The weightless Pinocchio model with the moving joints; body and pose of every link.
 
-    See :class:`Body`.
-
-    Its joints are in the order of the moving joints, arm after arm.
+    Its joints are in the order of the moving joints, arm after arm. See :class:`Body`.
     """
     model = pin.Model()
     model.gravity = pin.Motion.Zero()
@@ -209,12 +207,9 @@ def build_model(
     while links or waiting:
         if not links:
             joint, body, at = waiting.pop(min(waiting))
-            index = model.addJoint(
-                body + 1, _joint_model(joint), se3_of(at), joint.name, *map(np.atleast_1d, (
-                    np.inf if joint.effort is None else joint.effort,
-                    np.inf if joint.velocity is None else joint.velocity, *_range_of(joint),
-                )),
-            )  # fmt: skip
+            rated = (np.inf if value is None else value for value in (joint.effort, joint.velocity))
+            bounds = map(np.atleast_1d, (*rated, *_range_of(joint)))
+            index = model.addJoint(body + 1, _joint_model(joint), se3_of(at), joint.name, *bounds)
             model.armature[model.joints[index].idx_v] = joint.armature
             places[joint.child] = (index - 1, IDENTITY)
             links.append(joint.child)

@@ -226,9 +226,8 @@ class JointPolynomial:
         bases = tuple(max(pair, key=lambda basis: basis.degree) for pair in pairs)
         sum_ = np.zeros([basis.size for basis in bases])
         for polynomial, weight in ((self, 1.0), (other, -factor)):
-            sum_[tuple(slice(basis.size) for basis in polynomial.bases)] += (
-                weight * polynomial.coefficients
-            )
+            part = tuple(slice(basis.size) for basis in polynomial.bases)
+            sum_[part] += weight * polynomial.coefficients
         return JointPolynomial(bases, sum_, max(self.residual, other.residual))
 
     def _by_batch(self, q: Array, derivatives: list[tuple[int, ...]]) -> Array:
@@ -258,14 +257,12 @@ class JointPolynomial:
                 order: basis.functions(q[new, joint], order)
                 for order in {entry.count(joint) for entry in derivatives}
             }
-            beginnings = {tuple(k for k in entry if k <= joint) for entry in derivatives}
+            entries = {tuple(k for k in entry if k <= joint) for entry in derivatives}
+            earlier = {entry: tuple(k for k in entry if k < joint) for entry in entries}
             partial = {
-                entry: _contracted(
-                    partial[tuple(k for k in entry if k < joint)], functions[entry.count(joint)],
-                    before,
-                )
-                for entry in beginnings
-            }  # fmt: skip
+                entry: _contracted(partial[known], functions[entry.count(joint)], before)
+                for entry, known in earlier.items()
+            }
         return np.stack([partial[entry][group] for entry in derivatives], axis=-1)
 
     @cached_property

@@ -142,12 +142,9 @@ def _extremes(group: Group, motions: ManyMotions, decided: IntArray) -> dict[str
         "joint_rates": enumerate(of_completed(motions.rates)),
         "range_ratios": zip(bounded, of_completed(used)[bounded], strict=True),
     }
-    return {
-        "base_rate": of_completed(motions.base_rates),
-        "base_turn_deg": np.degrees(of_completed(motions.turns)),
-        **{f"{name}.{key}": column for name, columns in families.items()
-           for key, column in columns},
-    }  # fmt: skip
+    named = {f"{name}.{k}": column for name, columns in families.items() for k, column in columns}
+    turns = np.degrees(of_completed(motions.turns))
+    return {"base_rate": of_completed(motions.base_rates), "base_turn_deg": turns, **named}
 
 
 def _limiting(group: Group, motions: ManyMotions, decided: IntArray) -> dict[str, Column]:

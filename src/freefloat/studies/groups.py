@@ -281,10 +281,8 @@ def _limits_of_runs(
     """
     limits, problem = scenario.limits(), scenario.problem()
     bounds = {kind.name: getattr(limits, kind.name) for kind in GIVEN}
-    given = {
-        name for name, bound in bounds.items()
-        if bound is not None and np.size(bound) > 0 and not isinstance(bound, str)
-    }  # fmt: skip
+    numbers = {name: b for name, b in bounds.items() if b is not None and not isinstance(b, str)}
+    given = {name for name, bound in numbers.items() if np.size(bound) > 0}
     if problem.scene.corridor is not None:
         given.add(CorridorLimit.name)
     recorded = (

@@ -58,8 +58,8 @@ def save_report(result: StudyResult, progress: Progress = lambda done: None) -> 
     progress(0.3)
     figure, picture = save_figures(result.folder, {FIGURE: drawing})
     progress(0.7)
-    linked = [file.name for file in (result.files.get("csv"), result.files.get("parquet"), figure)
-              if file]  # fmt: skip
+    tables = result.files.get("csv"), result.files.get("parquet")
+    linked = [file.name for file in (*tables, figure) if file]
     page = _page(result, parameters, unit, picture.read_bytes(), linked)
     with written_beside(result.folder / REPORT) as beside:
         beside.write_text(page, encoding="utf-8")
@@ -100,8 +100,8 @@ def _page(
     def name_of(column: str) -> str:
         return result_name(column, joints) + in_unit * (column in ("margin", "margin_required"))
 
-    first, last = ({name: name_of(name) for name in names}
-                   for names in (_FIRST_LISTED, _LAST_LISTED))  # fmt: skip
+    first = {name: name_of(name) for name in _FIRST_LISTED}
+    last = {name: name_of(name) for name in _LAST_LISTED}
     content = result.study.content.model_dump(mode="json", by_alias=True, exclude_unset=True)
     environment = Environment(loader=PackageLoader("freefloat.studies", "."), autoescape=True)
     environment.filters["cell"] = _cell

@@ -148,8 +148,7 @@ class StudyResult:
         Empty where every combination has one run, or there is only one.
         """
         varied = [key for key in self.study.variation.listed if key != TRACK_SEED]
-        columns = [name for name in self.rows.parameters
-                   if {name, name.rpartition(".")[0]} & {*varied}]  # fmt: skip
+        columns = [k for k in self.rows.parameters if {k, k.rpartition(".")[0]} & {*varied}]
         if not varied:
             return []
         query = (

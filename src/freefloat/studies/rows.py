@@ -206,8 +206,8 @@ def _parquet(file: Path, kinds: Mapping[str, str]) -> Iterator[Callable[[_Column
     from pyarrow.parquet import ParquetWriter
 
     arrow = {TEXT: pyarrow.string(), INTEGER: pyarrow.int64(), BOOLEAN: pyarrow.bool_()}
-    schema = pyarrow.schema([(name, arrow.get(kind, pyarrow.float64()))
-                             for name, kind in kinds.items()])  # fmt: skip
+    columns = [(name, arrow.get(kind, pyarrow.float64())) for name, kind in kinds.items()]
+    schema = pyarrow.schema(columns)
     texts = [name for name, kind in kinds.items() if kind == TEXT]
 
     def write(columns: _Columns) -> None:

@@ -148,11 +148,7 @@ class _Tally:
     """Verdicts of the runs of a study so far, and whether these are enough."""
 
     def __init__(
-        self,
-        count: int,
-        rows: StudyRows,
-        until: float | None,
-        progress: Progress,
+        self, count: int, rows: StudyRows, until: float | None, progress: Progress
     ) -> None:
         """Count the finished runs.
 

@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from functools import cached_property, lru_cache
+from functools import cached_property
 from itertools import chain
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from freefloat.dynamics.measures import singularity_measure
-from freefloat.dynamics.tasks import Task
 from freefloat.errors import FreeFloatError, InputError
-from freefloat.io.scenario.field_types import Section
 from freefloat.io.scenario.robot_section import RobotFile
 from freefloat.io.scenario.scenario import Scenario
-from freefloat.io.scenario.schema import MarginSection
 from freefloat.io.scenario.yaml import file_keys, validated
 from freefloat.limits.kinds.clearance import have_shapes
 from freefloat.limits.values import OFF
@@ -24,7 +20,6 @@ from freefloat.motion.problem import Problem
 from freefloat.paths.time_laws import TimeLaw
 from freefloat.planning.settings import Search
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.singularities.global_maximum import largest_magnitude
 from freefloat.so3 import Array
 from freefloat.studies.study_file import (
     START_KEYS,
@@ -35,7 +30,7 @@ from freefloat.studies.study_file import (
     StudyFile,
     initial_attitude,
 )
-from freefloat.studies.variation import Variation, scenario_from, with_values
+from freefloat.studies.variation import Variation, margin_value, scenario_from, with_values
 
 CLEARANCE = "limits.clearance"
 UNDISTURBED = -1
@@ -165,27 +160,13 @@ class Study:
         if self.varies_robot:
             document = document | self._margin_value(document)
         limits = document.get("limits") or {}
-        if self.content.command is not Command.SIMULATE or not isinstance(limits, dict):
-            return document
-        if limits.get("clearance") is not None:
+        stated = not isinstance(limits, dict) or limits.get("clearance") is not None
+        if stated or self.content.command is not Command.SIMULATE:
             return document
         return document | {"limits": limits | {"clearance": OFF}}
 
     def _margin_value(self, document: dict[str, Any]) -> dict[str, Any]:
-        """The margin in place of a fraction of the measure of the base scenario's robot, if any."""
-        margin, task = document.get("margin"), document.get("task")
-        if task is None or not isinstance(margin, dict) or margin.get("fraction_of") == "run":
-            return {}
-        content = validated(_MarginFile, {"task": task, "margin": margin}, self.base_source)
-        measure, fraction = content.margin.measure, content.margin.fraction
-        if fraction is None:
-            return {}
-        try:
-            largest = _largest(self.base_robot, content.task, measure)
-        except InputError as error:
-            problem = f"the robot of the base scenario: {error.key}: {error.problem}"
-            raise InputError("margin.fraction", problem, "fraction_of: run, or value") from None
-        return {"margin": {"measure": measure, "value": fraction * largest}}
+        return margin_value(document, self.base_source, lambda: self.base_robot)
 
     def document(self, number: int) -> dict[str, Any]:
         """The base scenario's data with the values of a run."""
@@ -310,15 +291,3 @@ class Study:
         items = self.parameters(number).items()
         varied = {key.removeprefix(TRACK): value for key, value in items if key.startswith(TRACK)}
         return self.content.track.model_dump() | varied
-
-
-class _MarginFile(Section):
-    """Task and margin of a scenario file."""
-
-    task: Task
-    margin: MarginSection
-
-
-@lru_cache(maxsize=8)
-def _largest(robot: FreeFloatingModel, task: Task, measure: str) -> float:
-    return largest_magnitude(robot, task, singularity_measure(robot, task, measure))

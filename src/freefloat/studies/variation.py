@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -14,10 +14,15 @@ import numpy as np
 import numpy.typing as npt
 import yaml
 
+from freefloat.dynamics.measures import singularity_measure
+from freefloat.dynamics.tasks import Task
 from freefloat.errors import InputError
+from freefloat.io.scenario.field_types import Section
 from freefloat.io.scenario.scenario import Scenario
-from freefloat.io.scenario.schema import ScenarioFile
+from freefloat.io.scenario.schema import MarginSection, ScenarioFile
 from freefloat.io.scenario.yaml import section_at, validated
+from freefloat.robot.model import FreeFloatingModel
+from freefloat.singularities.global_maximum import largest_magnitude
 from freefloat.so3 import Array, IntArray
 from freefloat.studies.columns import by_entry
 from freefloat.studies.sampling import ValuesSection
@@ -134,6 +139,46 @@ def with_values(document: dict[str, Any], values: dict[str, Any]) -> dict[str, A
         _entry(node, last, path, None)
         node[last if isinstance(node, dict) else int(last)] = deepcopy(value)
     return copy
+
+
+class _MarginFile(Section):
+    """Task and margin of a scenario file."""
+
+    task: Task
+    margin: MarginSection
+
+
+def margin_value(
+    document: dict[str, Any], source: Path, robot: Callable[[], FreeFloatingModel]
+) -> dict[str, Any]:
+    """The margin in place of a fraction of the measure of the base scenario's robot, if any.
+
+    Args:
+        document: Data of a scenario.
+        source: File of the base scenario.
+        robot: Reads its robot, which other margins do not need.
+
+    Raises:
+        InputError: If a value is not accepted.
+    """
+    margin, task = document.get("margin"), document.get("task")
+    if task is None or not isinstance(margin, dict) or margin.get("fraction_of") == "run":
+        return {}
+    content = validated(_MarginFile, {"task": task, "margin": margin}, source)
+    measure, fraction = content.margin.measure, content.margin.fraction
+    if fraction is None:
+        return {}
+    try:
+        largest = _largest(robot(), content.task, measure)
+    except InputError as error:
+        problem = f"the robot of the base scenario: {error.key}: {error.problem}"
+        raise InputError("margin.fraction", problem, "fraction_of: run, or value") from None
+    return {"margin": {"measure": measure, "value": fraction * largest}}
+
+
+@lru_cache(maxsize=8)
+def _largest(robot: FreeFloatingModel, task: Task, measure: str) -> float:
+    return largest_magnitude(robot, task, singularity_measure(robot, task, measure))
 
 
 def _default(keys: Sequence[str]) -> Any:

@@ -115,8 +115,8 @@ class VariedRobot:
         if not factors and not fields:
             return None
         description, scale = self.model.description, self.section.scale_mass
-        links = {"robot.spacecraft": description.roots[0],
-                 "robot.payload": description.links[-1].name}  # fmt: skip
+        spacecraft, payload = description.roots[0], description.links[-1].name
+        links = {"robot.spacecraft": spacecraft, "robot.payload": payload}
         factor = scale.get if isinstance(scale, dict) else lambda link, _: scale
         rows = {
             link: self._row(part, fields, count) * factor(link, 1.0)
@@ -171,8 +171,8 @@ class VariedRobot:
         craft = self.section.spacecraft
         if craft is None or not any(key in fields for key in keys):
             return None
-        xyz, rpy = (np.broadcast_to(fields.get(key, self._nominal(key)), (count, 3))
-                    for key in keys)  # fmt: skip
+        values = [fields.get(key, self._nominal(key)) for key in keys]
+        xyz, rpy = (np.broadcast_to(value, (count, 3)) for value in values)
         return craft.mount.to_mount().pose, xyz, Rotation.from_rpy(rpy).as_matrix()
 
 

@@ -1,6 +1,6 @@
 """Comparison of what a record states with what was recomputed of it, value by value.
 
-Both are trees of :mod:`freefloat.records`, so that a new field of a record is compared, or named as
+Both are trees of :mod:`freefloat.codec`, so that a new field of a record is compared, or named as
 not verified, without a line here. A value is named by its place in the file, its parts joined by
 dots: ``chosen.closest_approach.value``.
 """
@@ -12,12 +12,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from freefloat.codec import Codec
 from freefloat.kinds import kind_of, named
 from freefloat.limits.limits import Limits
 from freefloat.motion.problem import Problem
 from freefloat.motion.setting import JointSetting
 from freefloat.planning.settings import Search
-from freefloat.records import Codec, Known, Origin, Quantity, Tree
+from freefloat.records import Known, Origin, Quantity, Tree
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array, BoolArray
 from freefloat.verification.comparisons import Check

@@ -84,10 +84,9 @@ def known_samples(found: AttitudeMap, again: AttitudeMap) -> Known:
             for name in _BY_TIME:
                 del motions[name]
             attitudes, joints = again.results.attitudes, again.results.joints
-            values["results"] = Known(BranchResults, {
-                "attitudes": attitudes, "joints": joints,
-                "motions": Known(EnsembleResult, motions),
-            })  # fmt: skip
+            states = {"attitudes": attitudes, "joints": joints}
+            results = states | {"motions": Known(EnsembleResult, motions)}
+            values["results"] = Known(BranchResults, results)
     return Known(AttitudeMap, values)
 
 

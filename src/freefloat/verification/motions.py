@@ -36,9 +36,8 @@ _WINDOW = 1e-7
 _SAME_JOINTS = 1e-9
 """Distance of joints from those of their arm branch [rad or m]."""
 
-MOTION = Known(Motion, dict.fromkeys(
-    ("ending", "times", "attitudes", "joints", "base_positions", "law"), Origin.TESTED
-))  # fmt: skip
+_TESTED = "ending", "times", "attitudes", "joints", "base_positions", "law"
+MOTION = Known(Motion, dict.fromkeys(_TESTED, Origin.TESTED))
 """A motion, whose numbers are tested together: by the equations, its path and integrating again."""
 
 
@@ -121,10 +120,8 @@ def limit_checks(results: Iterable[LimitResult], claimed: bool) -> Iterator[Chec
         passed, detail = entry.kept or not claimed, entry.where
         if not passed:
             detail = f"{detail} violates it: {entry.worst:.6g} at t = {entry.time:.6g} s"
-        yield Check(
-            f"limit {entry.label}", passed, detail, None, entry.worst, entry.bound, entry.unit,
-            entry.time, entry.relation,
-        )  # fmt: skip
+        values = entry.worst, entry.bound, entry.unit, entry.time, entry.relation
+        yield Check(f"limit {entry.label}", passed, detail, None, *values)
 
 
 def _as_stated(

@@ -9,17 +9,16 @@ its quaternion in the order w, x, y, z. On a table two slides and a hinge take i
 
 from __future__ import annotations
 
-import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
 
+from freefloat.beyond.engines.kinematic_urdf import kinematic_urdf
 from freefloat.dynamics.system import System
 from freefloat.errors import InputError, require_extra
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.robot.rigid_bodies import held_value
 from freefloat.rotations import Rotation
 from freefloat.so3 import Array, heading_quaternion
 
@@ -61,15 +60,14 @@ class MuJoCoModel:
         model, self.system = system.model, system
         self._mujoco = mujoco = engine_module()
         try:
-            spec = mujoco.MjSpec.from_string(_kinematic_urdf(model))
+            spec = mujoco.MjSpec.from_string(kinematic_urdf(model))
             spec.compiler.fusestatic = False
             spec.compiler.boundmass = spec.compiler.boundinertia = _LIGHTEST
             root = spec.worldbody.first_body()
             if model.on_table:
                 for name, kind, axis in _TABLE:
-                    root.add_joint(name=f"{root.name} {name}", axis=axis, type=getattr(
-                        mujoco.mjtJoint, f"mjJNT_{kind}"
-                    ))  # fmt: skip
+                    joint = getattr(mujoco.mjtJoint, f"mjJNT_{kind}")
+                    root.add_joint(name=f"{root.name} {name}", axis=axis, type=joint)
             else:
                 root.add_freejoint()
             self.model = spec.compile()
@@ -265,65 +263,3 @@ def _angular(a: Array, change: Array) -> Array:
     """Vector part of 2 conj(a) a' or 2 conj(a) a'': body-frame angular rate or acceleration."""
     vector = a[3] * change[:3] - change[3] * a[:3] - np.cross(a[:3], change[:3])
     return np.asarray(2.0 * vector)
-
-
-def _kinematic_urdf(model: FreeFloatingModel) -> str:
-    """The URDF without inertias, shapes, friction, mimics; joints that do not move are fixed.
-
-    MuJoCo takes a link called world for the ground.
-    """
-    robot = ET.fromstring(model.description.text)
-    for element in robot.iter():
-        for key in ("name", "link"):
-            if element.get(key) == "world":
-                element.set(key, "not_the_ground")
-    for link in robot.findall("link"):
-        for content in list(link):
-            link.remove(content)
-    for joint in robot.findall("joint"):
-        for content in (*joint.findall("dynamics"), *joint.findall("mimic")):
-            joint.remove(content)
-        if joint.get("name") not in model.joint_names:
-            _fix(joint, held_value(model.description, joint.get("name", ""), model.fixed_joints))
-    if not model.has_one_arm:
-        _order(robot, model)
-    return ET.tostring(robot, encoding="unicode")
-
-
-def _order(robot: ET.Element, model: FreeFloatingModel) -> None:
-    """Put the joints into the order of the moving joints to which they lead.
-
-    MuJoCo numbers joints depth first; so those of one arm follow those of another.
-    """
-    first: dict[str, int] = {}
-    for number, joint in reversed([*enumerate(model.moving_joints)]):
-        link = joint.child
-        while link in model.description.parent_joints:
-            carrier = model.description.parent_joints[link]
-            first[carrier.name], link = number, carrier.parent
-    elements = robot.findall("joint")
-    for element in elements:
-        robot.remove(element)
-    robot.extend(sorted(elements, key=lambda entry: first.get(entry.get("name", ""), model.dof)))
-
-
-def _fix(joint: ET.Element, value: float) -> None:
-    """Fix a joint at a value [rad or m]."""
-    prismatic = joint.get("type") == "prismatic"
-    joint.set("type", "fixed")
-    if value == 0.0:
-        return
-    element, origin = joint.find("axis"), joint.find("origin")
-    text = "1 0 0" if element is None else element.get("xyz", "1 0 0")
-    axis = np.array(text.split(), dtype=float)
-    axis *= value / np.linalg.norm(axis)
-    if origin is None:
-        origin = ET.SubElement(joint, "origin")
-    xyz = np.array(origin.get("xyz", "0 0 0").split(), dtype=float)
-    rotation = Rotation.from_rpy(list(map(float, origin.get("rpy", "0 0 0").split())))
-    if prismatic:
-        xyz = xyz + rotation.apply(axis)
-    else:
-        rotation = rotation * Rotation.from_rotvec(axis)
-    origin.set("xyz", " ".join(map(repr, xyz.tolist())))
-    origin.set("rpy", " ".join(map(repr, rotation.as_rpy().tolist())))

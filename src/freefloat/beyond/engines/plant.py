@@ -130,12 +130,12 @@ class Plants:
         """
         period, (first, second, third) = self._period, self._dynamics
         servos = Servos(self._references, rates, inertias, 1.0 / period**2, 2.0 / period)
-        advance(self._states, servos, self._friction, (first, first, first), period,
-                _PREDICTION_STEPS, self._middle, self._end)  # fmt: skip
+        constant = self._states, servos, self._friction, (first, first, first)
+        advance(*constant, period, _PREDICTION_STEPS, self._middle, self._end)
         self._evaluate(self._middle, first, second)
         self._evaluate(self._end, second, third)
-        advance(self._states, servos, self._friction, self._dynamics, period, _STEPS_IN_PERIOD,
-                self._middle, self._end)  # fmt: skip
+        varying = self._states, servos, self._friction, self._dynamics
+        advance(*varying, period, _STEPS_IN_PERIOD, self._middle, self._end)
         self._references += period * rates
         self._states, self._end = self._end, self._states
         self._evaluate(self._states, third, first)

@@ -154,8 +154,7 @@ def advance(
     count, n = start.joints.shape
     h, (first, second, third) = period / steps, dynamics
     S, A, b, u = np.empty((n, n)), np.empty((n, n)), np.empty(n), np.empty(n)
-    rate = np.empty(3)
-    modes = np.empty(n)
+    rate, modes = np.empty(3), np.empty(n)
     lag, gain = np.empty(n), servos.stiffness * h / 2.0 + servos.damping
     for k in range(count):
         a, q, v, H = end.attitudes[k], end.joints[k], end.rates[k], servos.inertias[k]
@@ -168,19 +167,11 @@ def advance(
                 ahead = servos.references[k, i] + s * period * servos.rates[k, i] - q[i]
                 lag[i] = servos.stiffness * ahead + servos.damping * servos.rates[k, i]
             for i in range(n):
-                b[i] = -(
-                    w0 * first.biases[k, i] + w1 * second.biases[k, i] + w2 * third.biases[k, i]
-                )
+                bias = w0 * first.biases[k, i] + w1 * second.biases[k, i] + w2 * third.biases[k, i]
+                b[i] = -bias
                 for j in range(n):
-                    S[i, j] = (
-                        2.0
-                        / h
-                        * (
-                            w0 * first.inertias[k, i, j]
-                            + w1 * second.inertias[k, i, j]
-                            + w2 * third.inertias[k, i, j]
-                        )
-                    )
+                    inertia = w0 * first.inertias[k, i, j] + w1 * second.inertias[k, i, j]
+                    S[i, j] = 2.0 / h * (inertia + w2 * third.inertias[k, i, j])
                     A[i, j] = S[i, j] + gain * H[i, j]
                     b[i] += S[i, j] * v[j] + H[i, j] * lag[j]
             move_with_friction(A, b, v, friction.limits[k], friction.inertias[k],
@@ -188,11 +179,8 @@ def advance(
             for i in range(3):
                 rate[i] = w0 * first.spins[k, i] + w1 * second.spins[k, i] + w2 * third.spins[k, i]
                 for j in range(n):
-                    rate[i] += u[j] * (
-                        w0 * first.turns[k, i, j]
-                        + w1 * second.turns[k, i, j]
-                        + w2 * third.turns[k, i, j]
-                    )
+                    turns = w0 * first.turns[k, i, j] + w1 * second.turns[k, i, j]
+                    rate[i] += u[j] * (turns + w2 * third.turns[k, i, j])
             turn(a, rate, h)
             for i in range(n):
                 q[i] += h * u[i]

@@ -18,14 +18,7 @@ from freefloat.errors import FreeFloatError
 from freefloat.planning.plan import Plan
 from freefloat.planning.simulation import Simulation
 from freefloat.so3 import IntArray
-from freefloat.studies.columns import (
-    FEASIBLE,
-    INFEASIBLE,
-    MARGIN_REASON,
-    NUMBER,
-    Columns,
-    finite,
-)
+from freefloat.studies.columns import FEASIBLE, INFEASIBLE, MARGIN_REASON, NUMBER, Columns, finite
 from freefloat.studies.disturbances import NO_ROWS, Chunk
 from freefloat.studies.portable import PortableStudy
 from freefloat.studies.record_values import motion_values, record_values

@@ -9,7 +9,7 @@ friction.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields
 from math import ceil
 from typing import Any
 
@@ -32,7 +32,6 @@ from freefloat.motion.margin import keeps_threshold
 from freefloat.motion.motion import Motion
 from freefloat.planning.plan import Plan
 from freefloat.planning.simulation import Simulation
-from freefloat.robot.assembly import scaled
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array, frozen
 
@@ -275,39 +274,23 @@ def _tracked(motion: Motion, times: Array, columns: dict[str, list[Any]]) -> lis
     pairs = list(zip(columns["noise"], generators, strict=True))
     noise = np.stack([size * rng.standard_normal((periods, 9 + dof)) for size, rng in pairs], 1)
     unique, places = np.unique(factors, axis=0, return_inverse=True)
-    robots = [_SimulatedRobot.of(motion, row) for row in unique]
-    chosen = [robots[place] for place in places.tolist()]
+    robots = [_simulated_robot(motion, row) for row in unique]
     loops = Loops(factors, noise, np.array(columns["friction"]), np.array(columns["gain"]))
     courses = follow(motion, times, loops)
-    return [
-        Tracking(
-            robot.model, problem.margin.threshold, columns["tolerance"][k], times,
-            courses.attitudes[:, k], courses.joints[:, k], robot.margins(courses.joints[:, k]),
-            *courses.errors[:, k].T,
-        )
-        for k, robot in enumerate(chosen)
-    ]  # fmt: skip
+    trackings = []
+    for k, place in enumerate(places.tolist()):
+        (model, measure), tolerance = robots[place], columns["tolerance"][k]
+        attitudes, joints = courses.attitudes[:, k], courses.joints[:, k]
+        values, errors = measure(joints), courses.errors[:, k].T
+        course = times, attitudes, joints, values * np.sign(values[0]), *errors
+        trackings.append(Tracking(model, problem.margin.threshold, tolerance, *course))
+    return trackings
 
 
-@dataclass(frozen=True, eq=False)
-class _SimulatedRobot:
-    """A simulated robot."""
-
-    model: FreeFloatingModel
-    values: MeasureValues
-
-    @classmethod
-    def of(cls, motion: Motion, factors: Array) -> _SimulatedRobot:
-        """The robot with mass and inertia of every body multiplied by factors (1 + n,)."""
-        nominal, problem = motion.model, motion.problem
-        places = nominal.link_places.items()
-        by_link = {link: float(factors[number]) for link, (number, _) in places}
-        description = scaled(nominal.description, by_link)
-        model = replace(nominal, description=description)
-        measure = singularity_measure(model, problem.task, problem.margin.measure.name)
-        return cls(model, MeasureValues(model, problem.task, measure))
-
-    def margins(self, joints: Array) -> Array:
-        """The measure, positive while it has the sign of the start, at joint values (K, n)."""
-        values = self.values(joints)
-        return np.asarray(values * np.sign(values[0]))
+def _simulated_robot(motion: Motion, factors: Array) -> tuple[FreeFloatingModel, MeasureValues]:
+    """The robot with mass and inertia of every body multiplied by factors (1 + n,)."""
+    nominal, problem = motion.model, motion.problem
+    places = nominal.link_places.items()
+    model = nominal.scaled({link: float(factors[number]) for link, (number, _) in places})
+    measure = singularity_measure(model, problem.task, problem.margin.measure.name)
+    return model, MeasureValues(model, problem.task, measure)

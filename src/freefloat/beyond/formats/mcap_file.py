@@ -69,9 +69,8 @@ def write_mcap(path: Path, trajectory: Trajectory) -> None:
             time = zero + round(t * 1e9)
             if k == 0:
                 write("/robot_description", {"data": model.description.text}, time)
-            header = {
-                "stamp": {"sec": time // 10**9, "nanosec": time % 10**9}, "frame_id": _INERTIAL,
-            }  # fmt: skip
+            stamp = {"sec": time // 10**9, "nanosec": time % 10**9}
+            header = {"stamp": stamp, "frame_id": _INERTIAL}
             state = {
                 "name": list(model.joint_names), "position": trajectory.joints[k].tolist(),
                 "velocity": trajectory.joint_rates[k].tolist(),
@@ -85,9 +84,8 @@ def write_mcap(path: Path, trajectory: Trajectory) -> None:
 
 def _definition(text: str, parts: tuple[str, ...]) -> str:
     """The definition of a message, followed by those of its parts."""
-    return "".join([
-        text, *(f"\n{'=' * 80}\nMSG: {part}\n{_PARTS[part]}" for part in parts)
-    ])  # fmt: skip
+    described = [f"\n{'=' * 80}\nMSG: {part}\n{_PARTS[part]}" for part in parts]
+    return "".join([text, *described])
 
 
 def _transforms(trajectory: Trajectory, k: int, header: dict[str, Any]) -> list[dict[str, Any]]:
@@ -98,9 +96,8 @@ def _transforms(trajectory: Trajectory, k: int, header: dict[str, Any]) -> list[
     for link, (number, place) in model.link_places.items():
         pose = poses[number] @ place
         rotation = Rotation.from_matrix(pose.rotation).as_quat()
-        transform = {
-            "translation": _named("xyz", pose.position), "rotation": _named("xyzw", rotation),
-        }  # fmt: skip
+        position, turn = _named("xyz", pose.position), _named("xyzw", rotation)
+        transform = {"translation": position, "rotation": turn}
         transforms.append({"header": header, "child_frame_id": link, "transform": transform})
     return transforms
 

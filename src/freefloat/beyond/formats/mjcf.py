@@ -82,10 +82,8 @@ def read(file: str, root: str | None = None) -> UrdfText:
     warnings = (*_warnings(model, start, named=root is not None), *_renamed(sites))
     files = sorted(_files(Path(file)))
     documents = [Path(file), *(path for path in files if path.suffix == ".xml")]
-    return UrdfText(
-        text, warnings, tuple(map(str, files)), tuple(not_read(model, bodies, documents)),
-        frames=tuple(sites.values()),
-    )  # fmt: skip
+    names, unread = tuple(map(str, files)), tuple(not_read(model, bodies, documents))
+    return UrdfText(text, warnings, names, unread, frames=tuple(sites.values()))
 
 
 def _files(model: Path) -> set[Path]:

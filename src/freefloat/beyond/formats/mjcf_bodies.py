@@ -210,15 +210,12 @@ def bodies_of(model: Any, root: int) -> list[int]:
     """Numbers of a root and the bodies that it carries; on the world those that do not float."""
     if root != WORLD:
         return [body for body in range(1, model.nbody) if root in line(model, body)]
-    floating = {
-        body for body in bodies_in_world(model)
-        if model.body_mocapid[body] >= 0 or _is_free(model, body)
-    }  # fmt: skip
+    inside, mocap = bodies_in_world(model), model.body_mocapid
+    floating = {body for body in inside if mocap[body] >= 0 or _is_free(model, body)}
     return [body for body in range(model.nbody) if line(model, body)[-1] not in floating]
 
 
 def _joint_texts(model: Any, joints: Iterable[int]) -> str:
     """Names and types of joints, as in ``the joints x (slide), t (hinge)``."""
-    texts = [f"{joint_name(model, joint)} ({_KINDS[int(model.jnt_type[joint])]})"
-             for joint in joints]  # fmt: skip
+    texts = [f"{joint_name(model, j)} ({_KINDS[int(model.jnt_type[j])]})" for j in joints]
     return f"the joint{'s' * (len(texts) > 1)} {', '.join(texts)}"

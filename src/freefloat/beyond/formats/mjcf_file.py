@@ -87,10 +87,8 @@ def robot_mjcf(model: FreeFloatingModel, *, shapes: bool = True) -> ET.Element:
             are left out.
     """
     root = ET.Element("mujoco", model=model.description.name or "robot")
-    _add(
-        root, "compiler", angle="radian", autolimits="true",
-        boundmass=_LIGHTEST, boundinertia=_LIGHTEST,
-    )  # fmt: skip
+    least = {"boundmass": _LIGHTEST, "boundinertia": _LIGHTEST}
+    _add(root, "compiler", angle="radian", autolimits="true", **least)
     _add(
         root, "option", gravity=f"0 0 {0.0 - model.gravity:.17g}", timestep=_STEP, integrator="RK4"
     )
@@ -153,10 +151,8 @@ def _body(parent: ET.Element, name: str, body: Body) -> ET.Element:
         )  # fmt: skip
     moments, axes = np.linalg.eigh(body.inertia)
     axes[:, 0] *= np.linalg.det(axes)
-    _add(
-        element, "inertial", mass=repr(body.mass), diaginertia=_attribute(np.maximum(moments, 0.0)),
-        **_place(Pose(body.centre, axes)),
-    )  # fmt: skip
+    inertia, place = _attribute(np.maximum(moments, 0.0)), _place(Pose(body.centre, axes))
+    _add(element, "inertial", mass=repr(body.mass), diaginertia=inertia, **place)
     return element
 
 
@@ -167,10 +163,8 @@ def _add_shapes(
     for shape in model.description.links_by_name[link].visuals:
         colour = {} if shape.colour is None else {"rgba": _attribute(shape.colour)}
         for geometry in _geometries(model, shape, assets):
-            _add(
-                body, "geom", contype="0", conaffinity="0", **geometry, **colour,
-                **_place(place @ shape.origin),
-            )  # fmt: skip
+            looks = geometry | colour | _place(place @ shape.origin)
+            _add(body, "geom", contype="0", conaffinity="0", **looks)
 
 
 def _geometries(

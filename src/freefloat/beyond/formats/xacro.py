@@ -153,15 +153,9 @@ def _functions(
         files.append(os.path.abspath(path))
         return xacro.load_yaml(name)
 
-    def refused(substitution: str) -> ModelError:
+    def refuse(substitution: str) -> None:
         problem = f"$({substitution}) is not evaluated"
-        return ModelError("urdf", problem, "$(optenv NAME DEFAULT) or ${...}", xacro.filestack[-1])
-
-    def refuse_env(name: str) -> None:
-        raise refused(f"env {name}")
-
-    def refuse_eval(text: str, context: object) -> None:
-        raise refused(f"eval {text}")
+        raise ModelError("urdf", problem, "$(optenv NAME DEFAULT) or ${...}", xacro.filestack[-1])
 
     return {
         "safe_eval": evaluate,
@@ -169,9 +163,9 @@ def _functions(
         "load_yaml": load_yaml,
         "_eval_find": find,
         "_eval_dirname": lambda _: str(Path(xacro.filestack[-1]).parent),
-        "_eval_env": refuse_env,
+        "_eval_env": lambda name: refuse(f"env {name}"),
         "_eval_optenv": lambda name, default="": default,
-        "_eval": refuse_eval,
+        "_eval": lambda text, _: refuse(f"eval {text}"),
     }
 
 

@@ -23,12 +23,7 @@ from freefloat.beyond.joint_space.singularity_map import Kind, SingularityMap
 from freefloat.errors import InputError
 from freefloat.so3 import Array, IntArray
 from freefloat.visualization.figure_style import digits
-from freefloat.visualization.scenes.description import (
-    Label,
-    SceneDescription,
-    TitledScene,
-    View,
-)
+from freefloat.visualization.scenes.description import Label, SceneDescription, TitledScene, View
 from freefloat.visualization.scenes.overlays import tube
 from freefloat.visualization.scenes.scene_builder import (
     BACK_SIDE,

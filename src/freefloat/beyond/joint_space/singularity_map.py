@@ -11,6 +11,7 @@ and 2k + 2, the one of lower joint values first.
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from enum import IntEnum
@@ -133,8 +134,7 @@ class SingularityMap:
         u = (configurations(joints, len(bases)) - lower) / (upper - lower)
         prismatic = np.array([basis.prismatic for basis in bases])
         u = np.where(prismatic, np.clip(u, 0.0, np.nextafter(1.0, 0.0)), u % 1.0)
-        found = np.zeros(len(u), dtype=int)
-        todo = np.arange(len(u))
+        found, todo = np.zeros(len(u), dtype=int), np.arange(len(u))
         while len(todo := todo[self.nodes[found[todo]] < Kind.POSITIVE]):
             joint = self.nodes[found[todo]]
             u[todo, joint] *= 2.0
@@ -252,17 +252,16 @@ class _Subdivision:
         self, polynomial: JointPolynomial, resolution: float, progress: Progress | None
     ) -> None:
         self._polynomial = polynomial
-        self._smallest = (
-            whole_joint_space(polynomial)[1] * resolution / (2.0 * np.pi) * (1.0 + 1e-9)
-        )
+        whole = whole_joint_space(polynomial)[1]
+        self._smallest = whole * resolution / (2.0 * np.pi) * (1.0 + 1e-9)
         self._progress = progress
-        self._levels: list[list[npt.NDArray[np.uint8]]] = []
+        self._levels = defaultdict[int, list[npt.NDArray[np.uint8]]](list)
         self._done, self._count = 0.0, 0
 
     def nodes(self) -> npt.NDArray[np.uint8]:
         """The tree of boxes, see the module."""
         self._process(0, *whole_joint_space(self._polynomial))
-        nodes = np.concatenate([row for level in self._levels for row in level])
+        nodes = np.concatenate([row for level in self._levels.values() for row in level])
         nodes.flags.writeable = False
         return nodes
 
@@ -285,8 +284,6 @@ class _Subdivision:
             nodes[signed] = np.where(values[signed] > 0.0, Kind.POSITIVE, Kind.NEGATIVE)
             last = ~signed & ~cut
             nodes[last] = self._smallest_kinds(centres[last], halves[last])
-            if level == len(self._levels):
-                self._levels.append([])
             self._levels[level].append(nodes)
             if self._progress is not None:
                 self._done += 0.5**level * np.count_nonzero(~cut)
@@ -296,11 +293,8 @@ class _Subdivision:
 
     def _smallest_kinds(self, centres: Array, halves: Array) -> npt.NDArray[np.uint8]:
         """Kinds of boxes, those with points of either sign being singular, shape (K,)."""
-        if not len(centres):
-            return np.zeros(0, dtype=np.uint8)
         steps = np.sign(self._polynomial.gradients(centres)) * halves
         high, low = (self._polynomial.values(centres + side * steps) for side in (1.0, -1.0))
         zero = self._polynomial.rounding
-        return np.where((high > zero) & (low < -zero), Kind.SINGULAR, Kind.UNDECIDED).astype(
-            np.uint8
-        )
+        singular = (high > zero) & (low < -zero)
+        return np.where(singular, Kind.SINGULAR, Kind.UNDECIDED).astype(np.uint8)

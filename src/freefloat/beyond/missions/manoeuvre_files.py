@@ -13,6 +13,7 @@ from freefloat.beyond.missions.phases.kinds.capture_phase import PlannedCapture
 from freefloat.beyond.missions.phases.manoeuvre import Manoeuvre
 from freefloat.beyond.missions.phases.phase import Phase
 from freefloat.beyond.missions.phases.state import SystemState
+from freefloat.codec import Codec
 from freefloat.io.scenario.scenario import Scenario
 from freefloat.limits.limits import Limits
 from freefloat.motion.problem import Problem
@@ -20,7 +21,7 @@ from freefloat.motion.setting import JointSetting, Setting
 from freefloat.planning.answer import Finding, PhaseResult
 from freefloat.planning.plan import Plan
 from freefloat.planning.settings import Search
-from freefloat.records import Codec, Tree
+from freefloat.records import Tree
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.verification import leaves
 

@@ -10,14 +10,8 @@ from typing import TYPE_CHECKING, cast
 from rich.console import RenderableType
 from rich.text import Text
 
-from freefloat.cli.console import (
-    attitude_text,
-    contact_lines,
-    decimals,
-    limit_lines,
-    limit_tables,
-    table,
-)
+from freefloat.cli.console import decimals, table
+from freefloat.cli.motion_lines import attitude_text, contact_lines, limit_lines, limit_tables
 
 if TYPE_CHECKING:
     from freefloat.beyond.missions.capture import Capture

@@ -155,10 +155,8 @@ class Session:
             self._reading += 1
         document = self._document
         self._lost_before = False
-        self.worker.send(WorkerState(
-            document.text, document.source, self._attitude, self._choice, self._dragging,
-            self._reading,
-        ))  # fmt: skip
+        present = self._attitude, self._choice, self._dragging, self._reading
+        self.worker.send(WorkerState(document.text, document.source, *present))
         self._tell({
             "type": "state",
             "scenario": document.name,

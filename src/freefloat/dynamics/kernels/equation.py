@@ -24,12 +24,7 @@ from freefloat.dynamics.kernels.kinematics import (
     place_arms,
     write_columns,
 )
-from freefloat.dynamics.kernels.robot import (
-    PRISMATIC,
-    Robot,
-    Solver,
-    joints_of,
-)
+from freefloat.dynamics.kernels.robot import PRISMATIC, Robot, Solver, joints_of
 from freefloat.lockstep.compilation import inlined, inner
 from freefloat.lockstep.lanes import Float
 from freefloat.lockstep.reflections import factorize, solve_least_norm

@@ -14,14 +14,7 @@ from freefloat.ensemble.kernels.flow import to_spacecraft
 from freefloat.ensemble.kernels.interpolant import inside
 from freefloat.ensemble.kernels.records import SLACK_ROWS, Buffers, Cones, ProblemTables
 from freefloat.lockstep.compilation import inlined, inner
-from freefloat.lockstep.lanes import (
-    Float,
-    Mask,
-    any_of,
-    maximum,
-    select,
-    sqrt,
-)
+from freefloat.lockstep.lanes import Float, Mask, any_of, maximum, select, sqrt
 from freefloat.lockstep.tables import Table, get_vector, subtable
 from freefloat.lockstep.vectors import Vector, components, cross, dot, vector
 from freefloat.motion.pointing import TOO_NEAR

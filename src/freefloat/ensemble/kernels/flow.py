@@ -6,14 +6,7 @@ from freefloat.dynamics.kernels.cubics import SIX, six_cubics, value
 from freefloat.dynamics.kernels.equation import solve_rates, spacecraft_rate
 from freefloat.dynamics.kernels.robot import Robot
 from freefloat.ensemble.kernels.null_space import add_null_space_motion, gradient
-from freefloat.ensemble.kernels.records import (
-    BY_TIME,
-    FORWARD,
-    SEGMENT,
-    Buffers,
-    Course,
-    NullSpace,
-)
+from freefloat.ensemble.kernels.records import BY_TIME, FORWARD, SEGMENT, Buffers, Course, NullSpace
 from freefloat.lockstep.compilation import inlined
 from freefloat.lockstep.lanes import Float, floor, maximum, minimum, select, sqrt
 from freefloat.lockstep.tables import Table, pick, set_vector, subtable

@@ -6,15 +6,7 @@ from freefloat.dynamics.kernels.equation import form_jacobian
 from freefloat.dynamics.kernels.robot import PRISMATIC, REACH, Robot, coefficients_of
 from freefloat.ensemble.kernels.records import Buffers, Measure
 from freefloat.lockstep.compilation import inlined, inner
-from freefloat.lockstep.lanes import (
-    Float,
-    any_of,
-    magnitude,
-    minimum,
-    select,
-    sine_cosine,
-    sqrt,
-)
+from freefloat.lockstep.lanes import Float, any_of, magnitude, minimum, select, sine_cosine, sqrt
 from freefloat.lockstep.reflections import factorize
 from freefloat.lockstep.tables import Table
 

@@ -13,15 +13,7 @@ from freefloat.ensemble.kernels.records import (
     ProblemTables,
 )
 from freefloat.lockstep.compilation import inlined
-from freefloat.lockstep.lanes import (
-    Float,
-    Mask,
-    any_of,
-    magnitude,
-    maximum,
-    minimum,
-    select,
-)
+from freefloat.lockstep.lanes import Float, Mask, any_of, magnitude, maximum, minimum, select
 from freefloat.lockstep.tables import subtable
 
 _DEPTH_FACTOR = 3.0

@@ -111,8 +111,8 @@ def csv_text(trajectory: Trajectory) -> str:
     groups = _groups(trajectory)
     stream = io.StringIO(newline="")
     rows = csv.writer(stream, lineterminator="\n")
-    rows.writerow([cell_text(f"{name} [{unit}]") for group in groups
-                   for name, unit in zip(group.names, group.units, strict=True)])  # fmt: skip
+    named = [pair for group in groups for pair in zip(group.names, group.units, strict=True)]
+    rows.writerow([cell_text(f"{name} [{unit}]") for name, unit in named])
     rows.writerows(np.hstack([group.values for group in groups]).tolist())
     return stream.getvalue()
 

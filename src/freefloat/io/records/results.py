@@ -42,8 +42,7 @@ GIVEN = "robot", "robot_file", "scenario", "scenario_file"
 _ACCEPTED = f"a plan, motion or map file of freefloat (-o), format {FORMAT_VERSION}"
 _DERIVED_ERROR = 1e-9
 """Deviation of derived numbers that are computed again."""
-_INVALID = (InputError, KeyError, ValueError, IndexError, TypeError, AttributeError,
-            RecursionError)  # fmt: skip
+_INVALID = (InputError, LookupError, ValueError, TypeError, AttributeError, RecursionError)
 """Errors of a file whose content does not fit together."""
 
 
@@ -205,10 +204,8 @@ def _read_robot(tree: Tree) -> FreeFloatingModel:
         for key in ("arms", "path_arms")
     )
     gravity = float(json.loads(_text(tree, "gravity")))
-    model = FreeFloatingModel(
-        description, _text(tree, "end_effector"), held, arms, path_arms,
-        Base(_text(tree, "base")), gravity,
-    )  # fmt: skip
+    end_effector, base = _text(tree, "end_effector"), Base(_text(tree, "base"))
+    model = FreeFloatingModel(description, end_effector, held, arms, path_arms, base, gravity)
     if tree["joint_names"].values.tolist() != list(model.joint_names):
         raise ValueError("its joint_names are not those of its robot")
     return model

@@ -205,8 +205,8 @@ class RobotSection(Section):
                 gravity=self.gravity,
             ).with_paths(*paths_of_arms(self.arms))
             moving = {self.path_link, *self.moving_arms.values()}
-            held = {name: arm.end_effector for name, arm in self.arms.items()
-                    if arm.end_effector not in moving}  # fmt: skip
+            links = {name: arm.end_effector for name, arm in self.arms.items()}
+            held = {name: link for name, link in links.items() if link not in moving}
             joints = joints_of_arms(model.description, held, model.moving_joints, {})
             if not joints:
                 return model

@@ -216,10 +216,8 @@ def _joint_space(plan: Plan) -> Figure:
         limits = attitude_limits(plan.problem, plan.limits or Limits()) if motion.completed else ()
         broken = violated(limit.worst(motion) for limit in limits)
         reasons.append(f"violates {broken[0].label}" if broken else "")
-    pairs = [
-        (motion_through(plan.problem, limit.touch_point, segment.span), limit.touch_point)
-        for segment in plan.segments for limit in segment.limits
-    ]  # fmt: skip
+    ends = [(x.touch_point, segment.span) for segment in plan.segments for x in segment.limits]
+    pairs = [(motion_through(plan.problem, point, span), point) for point, span in ends]
     touching = [(motion, point) for motion, point in pairs if motion is not None]
     return joint_space_figure(plan.problem, motions, reasons, touching)
 

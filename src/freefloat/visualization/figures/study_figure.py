@@ -106,12 +106,10 @@ def study_figure(
     else:
         _draw_histogram(histogram, table["margin"], verdicts)
         histogram.set_xlabel(axis_label(quantity, unit))
-    lowest, highest = drawn.min(initial=np.inf), drawn.max(initial=1e-9)
     if label and not limited:
         histogram.axvline(*required, color=GREY, linestyle="--", linewidth=0.8)
-    if label:
-        lowest = min(lowest, required[0])
-    lowest = min(lowest, highest)
+    highest = drawn.max(initial=1e-9)
+    lowest = min(drawn.min(initial=np.inf), highest, *(required if label else ()))
     densities = []
     for place, (axes, key) in enumerate(zip(panels, varied, strict=True)):
         densities += _panel(axes, table[key], drawn, verdicts)
@@ -123,25 +121,19 @@ def study_figure(
             axes.set_ylabel(axis_label(quantity, unit), fontsize=7.0)  # not taller than the panel
         else:
             axes.tick_params(labelleft=False)
-    entries = {
-        label: handle for axes in (histogram, *panels[:1])
-        for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)
-    }  # fmt: skip
+    named = [axes.get_legend_handles_labels() for axes in (histogram, *panels[:1])]
+    entries = {name: handle for each in named for handle, name in zip(*each, strict=True)}
     figure.legend(entries.values(), entries.keys(), loc="outside upper left", ncols=4)
     _draw_estimate(estimate, verdicts)
     if densities:
         most = max(density.get_array().max() for density in densities)
         for density in densities:
             density.set_clim(_PALEST, most)
-        figure.colorbar(
-            densities[0], ax=panels, label="runs in a cell", location="bottom",
-            shrink=0.4, aspect=40,
-        )  # fmt: skip
+        below: Any = {"location": "bottom", "shrink": 0.4, "aspect": 40}
+        figure.colorbar(densities[0], ax=panels, label="runs in a cell", **below)
     if left_out := len(every) - len(varied):
-        figure.supxlabel(
-            f"not shown: the {left_out} parameters with the least effect on the {quantity}",
-            fontsize=8.0,
-        )
+        note = f"not shown: the {left_out} parameters with the least effect on the {quantity}"
+        figure.supxlabel(note, fontsize=8.0)
     return figure
 
 

@@ -188,9 +188,7 @@ def _draw(
     violation: str,
 ) -> TitledScene:
     """Draw a motion below the node of its title; return its description."""
-    motion = sampled.motion
-    builder.start = place.start
-    setting = motion.setting
+    builder.start, motion, setting = place.start, sampled.motion, sampled.motion.setting
     root = f"{ROOT}/{node(title)}"
     times, areas, size = sampled.times, sampled.areas, thickness(setting)
     colours = replace(scale, margin=setting.margin)
