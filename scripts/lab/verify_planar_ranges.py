@@ -210,10 +210,7 @@ def compare(
 
 
 def _compare(
-    problem: Problem,
-    entry: BranchRanges,
-    brute: list[tuple[float, bool]],
-    verdict: Verdict,
+    problem: Problem, entry: BranchRanges, brute: list[tuple[float, bool]], verdict: Verdict
 ) -> None:
     exact = [
         (float(np.degrees(edge)) % 360.0, opens)

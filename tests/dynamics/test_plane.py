@@ -44,8 +44,7 @@ def free_floating(text: str, joints: np.ndarray) -> tuple[np.ndarray, np.ndarray
 
 
 @pytest.mark.parametrize(
-    ("joints", "direction"),
-    list(zip(["+-", "+p", "-++", "p+-"], DIRECTIONS, strict=True)),
+    ("joints", "direction"), list(zip(["+-", "+p", "-++", "p+-"], DIRECTIONS, strict=True))
 )
 def test_measures_are_those_of_pinocchio(joints: str, direction: str) -> None:
     turn = turn_to(direction)

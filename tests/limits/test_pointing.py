@@ -105,8 +105,7 @@ def test_compiled_precise_and_sampled_extremes_agree(name: str, drift: float) ->
         sampled = cosines(motion, limits)
         np.testing.assert_allclose(result.slacks[k], signs * (sampled - bounds), atol=1e-4)
         turn, pointing = check_limits(
-            motion,
-            Limits(pointing=limits.pointing, base_turn=limits.base_turn, clearance="off"),
+            motion, Limits(pointing=limits.pointing, base_turn=limits.base_turn, clearance="off")
         )[-2:]
         assert turn.worst == pytest.approx(2.0 * np.arccos(sampled[3]), abs=1e-6)
         assert turn.ratio == pytest.approx(turn.worst / limits.base_turn)

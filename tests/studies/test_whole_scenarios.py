@@ -159,11 +159,7 @@ def test_paths_in_frames_that_turn_with_a_mount_go_run_by_run(tmp_path: Path) ->
 
 
 @pytest.mark.parametrize(
-    ("vary", "keys"),
-    [
-        (VARY | LINKS | DRIFTS, {}),
-        (VARY | LINKS, {"start": {"branch": "best"}}),
-    ],
+    ("vary", "keys"), [(VARY | LINKS | DRIFTS, {}), (VARY | LINKS, {"start": {"branch": "best"}})]
 )
 def test_rates_turn_and_pointing_are_limited_without_precise_motions(
     vary: dict[str, Any], keys: dict[str, Any], tmp_path: Path

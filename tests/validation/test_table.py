@@ -278,8 +278,7 @@ def test_wheels_do_not_tilt_what_a_table_holds_level() -> None:
 
 
 @pytest.mark.parametrize(
-    ("key", "value"),
-    [("momentum", [0.1, 0.0, 0.2]), ("wheel_momentum", [0.0, 0.3, 0.0])],
+    ("key", "value"), [("momentum", [0.1, 0.0, 0.2]), ("wheel_momentum", [0.0, 0.3, 0.0])]
 )
 def test_momenta_that_a_table_carries_are_refused(key: str, value: list[float]) -> None:
     problem, *_ = on_table(2)

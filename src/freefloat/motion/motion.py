@@ -19,13 +19,7 @@ from numpy.polynomial import chebyshev
 from freefloat.dynamics.inverse_dynamics import Forces
 from freefloat.errors import InputError
 from freefloat.motion.law import JointLaw, PathLaw
-from freefloat.motion.panels import (
-    DEGREE,
-    NODES,
-    TO_COEFFICIENTS,
-    parameters_at,
-    require_nodes,
-)
+from freefloat.motion.panels import DEGREE, NODES, TO_COEFFICIENTS, parameters_at, require_nodes
 from freefloat.motion.problem import Problem
 from freefloat.motion.residuals import Residuals, momentum_errors, path_errors
 from freefloat.motion.setting import Setting

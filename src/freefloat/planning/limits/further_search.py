@@ -24,12 +24,7 @@ from freefloat.planning.candidates import ScoredAttitude
 from freefloat.planning.headings import heading_depth, ranges_containing
 from freefloat.planning.limits.further_starts import SearchStarts, starts_of
 from freefloat.planning.limits.keeping import moved_nearer
-from freefloat.planning.limits.trials import (
-    PassedTrial,
-    Trials,
-    Violations,
-    largest_violation,
-)
+from freefloat.planning.limits.trials import PassedTrial, Trials, Violations, largest_violation
 from freefloat.planning.motions import SimulatedBranch, integrate_branch
 from freefloat.planning.plan import Plan
 from freefloat.planning.reasons import margin_text, reach_message

@@ -124,10 +124,7 @@ class Violations:
             ratios = problem.margin.threshold / motions.minimum
             ratios = np.where(problem.margin.keeps(motions.minimum), ratios.clip(max=1.0), ratios)
             late = UNFINISHED * (2.0 - motions.ended_at / problem.path.duration)
-            for others in (
-                self._attitude.ratios(motions.slacks),
-                self._extent_ratios(motions),
-            ):
+            for others in (self._attitude.ratios(motions.slacks), self._extent_ratios(motions)):
                 ratios = np.fmax(ratios, others.max(axis=-1, initial=0.0))
         ratios = np.where(
             completed, np.nan_to_num(ratios, nan=UNFINISHED).clip(max=UNFINISHED), late

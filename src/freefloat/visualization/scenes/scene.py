@@ -44,11 +44,7 @@ from freefloat.visualization.scenes.overlays import (
     draw_trail,
     thickness,
 )
-from freefloat.visualization.scenes.sampled_motion import (
-    MAX_KEYS,
-    POINTING,
-    SampledMotion,
-)
+from freefloat.visualization.scenes.sampled_motion import MAX_KEYS, POINTING, SampledMotion
 from freefloat.visualization.scenes.scene_builder import ROOT, PageScene, SceneBuilder, node
 from freefloat.visualization.scenes.visuals import (
     bounding_box,

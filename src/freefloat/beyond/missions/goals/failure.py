@@ -16,11 +16,7 @@ from freefloat.rotations import Rotation
 
 
 def why_not(
-    outcome: GoalMotion,
-    search: GoalSearch,
-    seed: int,
-    longer: GoalMotion | None,
-    goal_words: str,
+    outcome: GoalMotion, search: GoalSearch, seed: int, longer: GoalMotion | None, goal_words: str
 ) -> GoalMotion:
     """The outcome of a search that found no motion, with the reason.
 
