@@ -191,6 +191,15 @@ def test_rates_and_torques_towards_a_singularity_have_no_bound(spatial):
             assert results[kind].sentence == f"at most 1 {results[kind].unit}: unbounded"
 
 
+def test_rates_that_do_not_grow_towards_a_singular_end_are_finite(spatial):
+    """Whatever ended the motion."""
+    checker = LimitChecker(spatial.problem, Limits(np.ones(6), base_rate=1.0, clearance="off"))
+    singular, other = (spatial.cut(1.5, ending) for ending in (Ending.SINGULAR, Ending.MARGIN))
+    worst = [entry.worst for entry in checker.results(singular)]
+    assert worst == [entry.worst for entry in checker.results(other)]
+    assert np.isfinite(worst).all()
+
+
 @pytest.mark.parametrize(
     ("key", "value"),
     [("joint_rate", [1.0, 0.0]), ("joint_torque", [-1.0]), ("base_rate", 0.0), ("clearance", -0.1),
