@@ -12,7 +12,7 @@ from freefloat.lockstep.tables import Table
 
 _SINGULAR = 1e-13
 _USUAL = 6
-"""Number of columns of S for which loops are unrolled, a quarter faster."""
+"""Number of rows and columns of S for which loops are unrolled, a quarter faster."""
 
 
 @inlined
@@ -28,8 +28,8 @@ def factorize(m: int, n: int, A: Table, scales: Table) -> Float:
     Returns:
         det S, or sqrt(det(S S^T)) of a redundant arm.
     """
-    if n == _USUAL:
-        return _factorize(m, _USUAL, A, scales)
+    if m == _USUAL and n == _USUAL:
+        return _factorize(_USUAL, _USUAL, A, scales)
     return _factorize(m, n, A, scales)
 
 
