@@ -271,10 +271,11 @@ class _ArmBounds:
 
     def __init__(self, motion: Motion) -> None:
         angles = 2.0 * np.pi * np.arange(_GRID) / _GRID
-        value = motion.setting.margin.measure
-        table = [[value(np.array([0.0, q2, q3, 0.0, 0.0, 0.0])) for q3 in angles] for q2 in angles]
+        joints = np.zeros((_GRID, _GRID, 6))
+        joints[..., 1], joints[..., 2] = angles[:, None], angles
+        table = motion.setting.margin.measure(joints.reshape(-1, 6)).reshape(_GRID, _GRID)
         orders = np.fft.fftfreq(_GRID, 1.0 / _GRID)
-        self._terms = np.fft.fft2(np.array(table)).ravel() / _GRID**2
+        self._terms = np.fft.fft2(table).ravel() / _GRID**2
         self._orders = np.stack(np.meshgrid(orders, orders, indexing="ij"), axis=-1).reshape(-1, 2)
         self._joints = motion.coefficients[:, :, 6:8]
         self._rates = np.asarray(chebyshev.chebder(self._joints, axis=1), dtype=float)

@@ -216,7 +216,7 @@ def integrate_again(motion: Motion) -> SecondIntegration:
     times, first = motion.times[:count], motion.initial
     node = np.concatenate([times[:1], first.attitude, first.joints])
     again = motion_from(motion.problem, node, float(times[-1]), _TOLERANCE)
-    known = np.clip(times, *sorted((times[0], again.final.time)))
+    known = np.clip(times, *sorted((times[0], again.times[-1])))
     _, attitudes, joints = again.evaluate(again.coordinates_at(known))
     angles = angle_between(attitudes, motion.attitudes[:count])
     differences = np.abs(joints - motion.joints[:count])

@@ -24,7 +24,7 @@ from freefloat.dynamics.tasks import (
     required_plane,
 )
 from freefloat.errors import InputError
-from freefloat.robot.joint_values import INERTIAL, finite_after
+from freefloat.robot.joint_values import INERTIAL, configurations, finite_after
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array
 
@@ -64,7 +64,7 @@ def system_matrix(
                [ 1.8023,  1.3768,  0.5231]])
     """
     task = applicable(model, task)
-    A_G, J = stacked(lambda q: _maps(model, q, task), joints)
+    A_G, J = _maps(model, joints, task)
     J = J[..., prescribed_rows(model, task), :]
     J = J[..., 3:] - J[..., :3] @ (A_G[..., :3, 3:] / model.total_mass)
     return _system_rows(model, task, A_G, J)
@@ -143,9 +143,10 @@ def generalized_jacobian(
                [ 0.2823, -0.0525]])
     """
     task = applicable(model, task)
-    if getattr(joints, "ndim", 1) == 2:
-        return stacked(lambda q: (generalized_jacobian(model, q, task),), joints)[0]
     A_G, J = _maps(model, joints, task)
+    if A_G.ndim == 3:
+        base = np.linalg.solve(A_G[..., :6], A_G[..., 6:])
+        return (J[..., 6:] - J[..., :6] @ base)[:, prescribed_rows(model, task)]
     A_G = np.asfortranarray(A_G)  # solved in place
     _, _, base, singular = dgesv(A_G[:, :6], A_G[:, 6:], 1, 1)
     if singular:
@@ -181,7 +182,7 @@ def generalized_determinant(
             f"{task} prescribes {len(rows)} rates, the arm has {model.arm_dof} joints",
             "as many joints as rates; for redundant arms singularity_measure(model, task, 'gjm')",
         )
-    A_G, J = stacked(lambda q: _maps(model, q, task), joints)
+    A_G, J = _maps(model, joints, task)
     M = np.concatenate([A_G, J[..., rows, :]], axis=-2)
     D = A_G[..., 3:, 3:6]
     (xx, xy, xz), (_, yy, yz), (_, _, zz) = D.tolist() if D.ndim == 2 else np.moveaxis(D, 0, -1)
@@ -191,7 +192,7 @@ def generalized_determinant(
 
 
 def _maps(model: FreeFloatingModel, joints: npt.ArrayLike, task: Task) -> tuple[Array, Array]:
-    """The momentum matrix in the spacecraft frame and the end-effector Jacobian for the task.
+    """The momentum matrix in the spacecraft frame and the end-effector Jacobian, or stacks of them.
 
     On a table, rows of the momentum that it carries are the rates of the spacecraft instead.
     Their columns are those of the spacecraft and of the arms that follow paths. The Jacobians of
@@ -199,16 +200,26 @@ def _maps(model: FreeFloatingModel, joints: npt.ArrayLike, task: Task) -> tuple[
     spacecraft's columns, are along the axes of the plane.
     """
     robot, data, axes = model.pin_model, model.scratch, task.reference_frame
-    q = finite_after(INERTIAL, "joints", joints, model.dof)
-    A_G = pin.computeCentroidalMap(robot, data, q)
-    J = pin.getFrameJacobian(robot, data, model.frame_id, axes)
-    if model.path_arms:
-        others = [pin.getFrameJacobian(robot, data, frame, axes) for frame in model.frame_ids[1:]]
-        J = np.vstack([J, *others])
+    frames = model.frame_ids
+    if np.ndim(joints) == 2:
+        rows = configurations(joints, model.dof)
+        A_G, J = np.empty((2, len(rows), 6, 6 + model.dof))
+        J = np.repeat(J, len(frames), axis=1)
+        for k, q in enumerate(np.hstack([np.tile(INERTIAL, (len(rows), 1)), rows])):
+            A_G[k] = pin.computeCentroidalMap(robot, data, q)
+            for i, frame in enumerate(frames):
+                J[k, 6 * i : 6 * i + 6] = pin.getFrameJacobian(robot, data, frame, axes)
+    else:
+        q = finite_after(INERTIAL, "joints", joints, model.dof)
+        A_G = pin.computeCentroidalMap(robot, data, q)
+        J = pin.getFrameJacobian(robot, data, frames[0], axes)
+        if model.path_arms:
+            others = [pin.getFrameJacobian(robot, data, frame, axes) for frame in frames[1:]]
+            J = np.vstack([J, *others])
     if model.on_table:
         A_G = conserved(model, A_G)
     if model.arms:
-        A_G, J = A_G[:, : 6 + model.arm_dof], J[:, : 6 + model.arm_dof]
+        A_G, J = A_G[..., : 6 + model.arm_dof], J[..., : 6 + model.arm_dof]
     return _in_plane(model, task, A_G), _in_plane(model, task, J)
 
 

@@ -33,7 +33,15 @@ from freefloat.dynamics.kernels.robot import (
 from freefloat.lockstep.compilation import compiled, inlined, inner
 from freefloat.lockstep.damped_steps import damped_step
 from freefloat.lockstep.lanes import WIDTH, Float, magnitude, maximum, select, sqrt
-from freefloat.lockstep.tables import Table, get_lane, get_vector, lanes, set_lane, subtable
+from freefloat.lockstep.tables import (
+    Table,
+    get_lane,
+    get_vector,
+    lanes,
+    set_lane,
+    subtable,
+    workspace,
+)
 from freefloat.lockstep.vectors import Vector, components, cross, dot, vector
 from freefloat.so3 import Array, IntArray
 
@@ -60,7 +68,7 @@ def make_workspace(robot: Robot, properties: int) -> NewtonBuffers:
     """Workspace for a robot, and so many properties that differ."""
     shapes = (robot.n,), (robot.arms, 12), (S_COLUMNS, S_COLUMNS), (1,), (1,)
     solver = make_solver(robot.n, robot.arms, properties)
-    return NewtonBuffers(solver, *(np.zeros((*shape, WIDTH)) for shape in shapes))
+    return NewtonBuffers(solver, *workspace(*shapes))
 
 
 @compiled

@@ -7,9 +7,11 @@ Indices are not checked, and whoever calls a kernel keeps the array of the table
 
 from __future__ import annotations
 
+import math
 import operator
 from typing import Any, TypeAlias
 
+import numpy as np
 from llvmlite import ir
 from numba import types
 from numba.extending import lower_builtin, models, register_model, type_callable
@@ -25,9 +27,29 @@ from freefloat.lockstep.lanes import (
     lanes_type,
 )
 from freefloat.lockstep.vectors import pack, unpack, vector_type
+from freefloat.so3 import Array
 
 Table: TypeAlias = Any
 """In annotations of kernels: a table."""
+
+
+_CACHE_LINE = 8
+"""Numbers in a cache line."""
+
+
+def workspace(*shapes: tuple[int, ...]) -> list[Array]:
+    """Zeros for tables of ``Lanes`` with so many rows, or rows and columns, one array for each.
+
+    They begin at the beginnings of cache lines: vectors across two take twice as long to store.
+    """
+    sizes = [WIDTH * math.prod(shape) for shape in shapes]
+    room = np.zeros(sum(sizes) + _CACHE_LINE)
+    begin = -room.ctypes.data // room.itemsize % _CACHE_LINE
+    arrays = []
+    for shape, size in zip(shapes, sizes, strict=True):
+        arrays.append(room[begin : begin + size].reshape(*shape, WIDTH))
+        begin += size
+    return arrays
 
 
 class TableType(types.Type):

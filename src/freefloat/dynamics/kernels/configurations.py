@@ -17,7 +17,15 @@ from freefloat.dynamics.kernels.robot import (
 )
 from freefloat.lockstep.compilation import compiled, inner
 from freefloat.lockstep.lanes import WIDTH
-from freefloat.lockstep.tables import Table, get_lane, lanes, set_lane, set_vector, subtable
+from freefloat.lockstep.tables import (
+    Table,
+    get_lane,
+    lanes,
+    set_lane,
+    set_vector,
+    subtable,
+    workspace,
+)
 from freefloat.so3 import Array
 
 
@@ -44,8 +52,8 @@ class Configurations(NamedTuple):
         shapes = (count if placed else 0, n, 4, 3), (count, 3), (count, 3, 3), (count, 3, n)
         found = cls(*map(np.empty, shapes))
         work = make_solver(n, robot.arms)
-        rows = np.zeros((n, WIDTH)), np.zeros((6, WIDTH))
-        place_all(robot, np.ascontiguousarray(joints), *rows, work, found)
+        q, inertia = workspace((n,), (6,))
+        place_all(robot, np.ascontiguousarray(joints), q, inertia, work, found)
         return found
 
 

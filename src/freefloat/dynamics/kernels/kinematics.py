@@ -49,7 +49,8 @@ from freefloat.lockstep.vectors import Vector, components, cross, dot, rolled, v
 
 X_AXIS, AXIS, POINT, LINEAR, ANGULAR, TURN = range(0, 18, 3)
 """Columns of ``Solver.momenta``: x and z axes of a joint's link frame, the latter that of the
-joint, and its origin; P and L; the spacecraft's angular velocity per joint rate."""
+joint, and its origin; P and L; the spacecraft's angular velocity per joint rate, in whose place the
+sine and the cosine of the joint's angle are before."""
 TIP, TIP_X, TIP_Y, TIP_Z, END_MASS, END_MOMENT, END_DIAGONAL, END_PRODUCTS = (
     0, 3, 6, 9, 12, 13, 16, 19,
 )  # fmt: skip
@@ -143,6 +144,7 @@ def place_arm(robot: Robot, e: int, q: Table, work: Solver) -> tuple[Float, Vect
     row = int(robot.tools[e, FIRST]) + e
     M = bodies[row, MASS]
     u, I = base_inertia(robot, row, q, work)
+    note_angles(robot, e, q, work)
     for k in joints_of(robot, e):
         s, c, d = joints[k, SINE], joints[k, COSINE], joints[k, ALONG_X]
         p = p + ex * d
@@ -155,19 +157,18 @@ def place_arm(robot: Robot, e: int, q: Table, work: Solver) -> tuple[Float, Vect
             u, I = rolled(u), rolled_inertia(I)
         else:
             u, I = rolled(rolled(u)), rolled_inertia(rolled_inertia(I))
-        angle, d = joints[k, ANGLE] + 0.0 * q[k], joints[k, ALONG_Z] + 0.0 * q[k]
+        d = joints[k, ALONG_Z] + 0.0 * q[k]
         x, y, z = components(u)
         if joints[k, PRISMATIC] != 0.0:
             d = d + q[k]
             P, L = ez * M, ex * y - ey * x
         else:
-            angle = angle + q[k]
             yz, zx, _ = components(I.products)
             _, _, zz = components(I.diagonal)
             P, L = ey * x - ex * y, ex * zx + ey * yz + ez * zz
         set_vector(w, k, LINEAR, P)
         set_vector(w, k, ANGULAR, L + cross(p, P))
-        s, c = sine_cosine(angle)
+        s, c = w[k, TURN], w[k, TURN + 1]
         p = p + ez * d
         ex, ey = ex * c + ey * s, ey * c - ex * s
         set_vector(w, k, X_AXIS, ex)
@@ -186,6 +187,19 @@ def place_arm(robot: Robot, e: int, q: Table, work: Solver) -> tuple[Float, Vect
         set_vector(ends, e, TIP + 3 * i, ex * x + ey * y + ez * z)
     set_vector(ends, e, TIP, get_vector(ends, e, TIP) + p)
     return M, p + u, minus(in_axes(I, ex, ey, ez), of_point(M, u))
+
+
+@inlined
+def note_angles(robot: Robot, e: int, q: Table, work: Solver) -> None:
+    """Write the sines and the cosines of the angles of an arm's joints.
+
+    The processor computes them side by side here, and not as parts of the chain of link frames.
+    """
+    for k in joints_of(robot, e):
+        angle = robot.joints[k, ANGLE] + 0.0 * q[k]
+        if robot.joints[k, PRISMATIC] == 0.0:
+            angle = angle + q[k]
+        work.momenta[k, TURN], work.momenta[k, TURN + 1] = sine_cosine(angle)
 
 
 @inlined

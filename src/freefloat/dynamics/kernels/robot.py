@@ -4,11 +4,16 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
-
 from freefloat.lockstep.compilation import inlined, inner
-from freefloat.lockstep.lanes import WIDTH
-from freefloat.lockstep.tables import Table, first_if_none, floats, lanes, set_lane, subtable
+from freefloat.lockstep.tables import (
+    Table,
+    first_if_none,
+    floats,
+    lanes,
+    set_lane,
+    subtable,
+    workspace,
+)
 from freefloat.so3 import Array
 
 MOST_ARMS = 4
@@ -81,7 +86,7 @@ def make_solver(n: int, arms: int, properties: int = 0) -> Solver:
         (n, JOINT_COLUMNS), (arms, END_COLUMNS), (1, 3), (2, 3), (arms, 6), (n, S_COLUMNS),
         (6 * arms,), (6 * arms,), (n,), (properties,),
     )  # fmt: skip
-    return Solver(*(np.zeros((*shape, WIDTH)) for shape in shapes))
+    return Solver(*workspace(*shapes))
 
 
 @inner

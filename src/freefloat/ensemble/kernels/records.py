@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from freefloat.dynamics.kernels.robot import (
     Robot,
     Solver,
@@ -15,8 +13,7 @@ from freefloat.dynamics.kernels.robot import (
     solver_in_tables,
 )
 from freefloat.lockstep.compilation import inner
-from freefloat.lockstep.lanes import WIDTH
-from freefloat.lockstep.tables import Table, floats, lanes, set_lane
+from freefloat.lockstep.tables import Table, floats, lanes, set_lane, workspace
 from freefloat.so3 import Array
 
 CONE_COLUMNS = 13
@@ -151,8 +148,7 @@ def make_workspace(n: int, m: int, cones: int = 0, properties: int = 0, arms: in
         (1 + 3 * n,), ((1 + n) * (STATE + 5 + n),),
         (n * n,), (n * r,), (r * r,), (2 * r,), (n,), (n,), (4,), (SLACK_ROWS * cones,),
     )  # fmt: skip
-    tables = (np.zeros((*shape, WIDTH)) for shape in shapes)
-    return Buffers(make_solver(n, arms, properties), *tables)
+    return Buffers(make_solver(n, arms, properties), *workspace(*shapes))
 
 
 @inner

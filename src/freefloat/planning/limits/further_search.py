@@ -57,9 +57,10 @@ def searched_further(
     Also ``precisely`` among precise motions, hundreds of them, where compiled ones do not show what
     is violated. A plan that remains infeasible says what was tried.
     """
-    hopeless = CorridorLimit.name in plan.excluded or reach_message(plan.problem) is not None
-    if plan.feasible or hopeless or not plan.searched:
+    if plan.feasible or not plan.searched:
         return plan
+    if CorridorLimit.name in plan.excluded or reach_message(plan.problem) is not None:
+        return plan  # no attitude helps
     search = _FurtherSearch(evaluator, plan, limits, precisely)
     passed = search.passed()
     if passed is None:

@@ -132,11 +132,12 @@ def _in_unit_ball(count: int, seed: int) -> Array:
 
 def _lowest(vectors: Array, values: Array, radius: float, count: int) -> IntArray:
     """Indices of vectors of the lowest values, none near another."""
+    pool = np.argsort(values)[: 32 * count]
     chosen: list[int] = []
-    for index in np.argsort(values)[: 32 * count].tolist():
-        distances = np.linalg.norm(vectors[chosen] - vectors[index], axis=1)
-        if len(chosen) < count and (distances > _APART * radius).all():
-            chosen.append(index)
+    while len(pool) and len(chosen) < count:
+        chosen.append(int(pool[0]))
+        distances = np.linalg.norm(vectors[pool] - vectors[pool[0]], axis=1)
+        pool = pool[distances > _APART * radius]
     return np.array(chosen, dtype=np.int64)
 
 

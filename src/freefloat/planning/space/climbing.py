@@ -107,7 +107,9 @@ def separate_best(
         candidate = ScoredAttitude(attitudes[row], branches[column], float(merits[row, column]))
         if np.isfinite(candidate.merit) and not candidate.is_near(chosen, 1.5 * spacing):
             chosen.append(candidate)
-    return chosen[:count]
+        if len(chosen) == count:
+            break
+    return chosen
 
 
 @dataclass(frozen=True, eq=False)

@@ -117,7 +117,9 @@ def slowed(
         The motion, limits along it, and whether rates or torques alone are violated.
     """
     for trial in range(trials):
-        chosen = integrate_from(problem, before.motion.initial.attitude, before.branch)
+        chosen = before
+        if problem is not before.motion.problem:
+            chosen = integrate_from(problem, before.motion.initial.attitude, before.branch)
         results = LimitChecker(problem, limits).results(chosen.motion)
         stretch = needed_stretch(results)
         too_fast = stretch > 1.0 and all(entry.timed for entry in violated(results))
