@@ -14,7 +14,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy
-from scipy.interpolate import BSpline
 
 from freefloat.limits.limits import Limits
 from freefloat.motion.motion import Motion
@@ -109,13 +108,13 @@ def smooth_speeds(motion: Motion, limits: Limits, scale: float = 1.0) -> Speeds:
         w = tried[durations.index(duration)]
         if duration > (1.0 - _SETTLED) * before:
             break
-    return _speeds(BSpline(spline.t, w, spline.k))
+    return _speeds(scipy.interpolate.BSpline(spline.t, w, spline.k))
 
 
-def _all_splines() -> BSpline:
+def _all_splines() -> scipy.interpolate.BSpline:
     """All N cubic B-splines over [0, 1] with equal intervals."""
     knots = np.concatenate([np.zeros(3), _graded(1), np.ones(3)])
-    return BSpline(knots, np.eye(_INTERVALS + 3), 3)
+    return scipy.interpolate.BSpline(knots, np.eye(_INTERVALS + 3), 3)
 
 
 def _graded(parts: int) -> Array:
@@ -135,7 +134,7 @@ def _quintic(sigma: Array) -> list[Array]:
     return [np.asarray(law.deriv(order)(sigma)) for order in range(4)]
 
 
-def _limits_of(path_limits: PathLimits, splines: BSpline) -> _SplineLimits:
+def _limits_of(path_limits: PathLimits, splines: scipy.interpolate.BSpline) -> _SplineLimits:
     """The limits at even places; L and the linear limits follow from the derivatives of s."""
     sigma = _graded(_PLACES)
     s, s1, s2, s3 = (entry[:, None] for entry in _quintic(sigma))
@@ -163,7 +162,7 @@ def _limits_of(path_limits: PathLimits, splines: BSpline) -> _SplineLimits:
     )  # fmt: skip
 
 
-def _speeds(spline: BSpline) -> Speeds:
+def _speeds(spline: scipy.interpolate.BSpline) -> Speeds:
     """Rows of times, speeds and accelerations of s where y is a spline of sigma."""
     sigma = _graded(_KNOTS)
     middles, half = (sigma[1:] + sigma[:-1]) / 2.0, np.diff(sigma) / 2.0
