@@ -204,11 +204,8 @@ def number_array(key: str, values: npt.ArrayLike, accepted: str) -> npt.NDArray[
 
     try:
         array = np.asarray(values)
-        if (
-            array.dtype.kind == "O"
-            and array.size
-            and all(hasattr(entry, "coeffs") for entry in array.flat)
-        ):
+        objects = array.dtype.kind == "O" and array.size > 0
+        if objects and all(hasattr(entry, "coeffs") for entry in array.flat):
             return np.array([entry.coeffs() for entry in array.flat]).reshape(*array.shape, 4)
         if array.dtype.kind in "biufO":
             return np.array(values, dtype=float)
@@ -278,7 +275,4 @@ def one_line(text: str, longest: int = _LONGEST) -> str:
         text = f"{text[: longest * 3 // 4]}...{text[-longest // 5 :]}"
     if text.isprintable():
         return text
-    return "".join(
-        letter if letter.isprintable() else letter.encode("unicode_escape").decode()
-        for letter in text
-    )
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)

@@ -17,29 +17,10 @@ ENGINES = {"mujoco": "beyond.engines.engine_runs:MuJoCo"}
 """Classes of other engines that repeat motions, by the name of the engine and of its extra."""
 
 
-@dataclass(frozen=True)
-class StudyCommand:
-    """Names of the functions that execute a command of studies.
-
-    Attributes:
-        chunks: Function of a study and its missing runs: runs that are computed side by side.
-        computed: Function of a study, a chunk and a number of threads: its rows.
-        values: Function of a study and a run: its row.
-    """
-
-    chunks: str
-    computed: str
-    values: str
-
-
-STUDY_COMMANDS = {
-    "track": StudyCommand(
-        "beyond.engines.track_runs:track_chunks",
-        "beyond.engines.track_runs:tracked",
-        "beyond.engines.track_runs:track_values",
-    )
-}
-"""Commands of studies that are beyond the paper."""
+STUDY_COMMANDS = {"track": "beyond.engines.track_runs"}
+"""Modules of the commands of studies that are beyond the paper. They have the functions ``chunks``,
+of a study and its missing runs: runs that are computed side by side; ``computed``, of a study, a
+chunk and a number of threads: its rows; and ``values``, of a study and a run: its row."""
 
 
 def named(place: str) -> Any:
@@ -119,64 +100,48 @@ class ResultKind:
 
 RESULT_KINDS = {
     "plan": ResultKind(
-        "planning.plan:Plan",
-        "visualization.figures.figures:plan_figures",
-        "visualization.scenes.scene:plan_scene",
-        "verification.path_motions:plan_report",
-        "studies.record_values:plan_values",
-        "cli.plan:plan_tables",
+        "planning.plan:Plan", "visualization.figures.figures:plan_figures",
+        "visualization.scenes.scene:plan_scene", "verification.path_motions:plan_report",
+        "studies.record_values:plan_values", "cli.plan:plan_tables",
     ),
     "motion": ResultKind(
-        "planning.simulation:Simulation",
-        "visualization.figures.figures:simulation_figures",
+        "planning.simulation:Simulation", "visualization.figures.figures:simulation_figures",
         "visualization.scenes.scene:simulation_scene",
-        "verification.path_motions:simulation_report",
-        "studies.record_values:simulation_values",
+        "verification.path_motions:simulation_report", "studies.record_values:simulation_values",
         "cli.simulate:simulation_tables",
     ),
     "goal": ResultKind(
-        "beyond.missions.goals.goal_motion:GoalMotion",
-        "beyond.missions.figures:goal_figures",
-        "beyond.missions.scenes:goal_scene",
-        "beyond.missions.goal_verification:goal_report",
-        "beyond.missions.values:goal_values",
-        "beyond.missions.tables:goal_tables",
+        "beyond.missions.goals.goal_motion:GoalMotion", "beyond.missions.figures:goal_figures",
+        "beyond.missions.scenes:goal_scene", "beyond.missions.goal_verification:goal_report",
+        "beyond.missions.values:goal_values", "beyond.missions.tables:goal_tables",
         "beyond.missions.goal_files:decode_goal",
         scenario="beyond.missions.goal_files:goal_scenario",
     ),
     "manoeuvre": ResultKind(
-        "beyond.missions.phases.manoeuvre:Manoeuvre",
-        "beyond.missions.figures:manoeuvre_figures",
+        "beyond.missions.phases.manoeuvre:Manoeuvre", "beyond.missions.figures:manoeuvre_figures",
         "beyond.missions.scenes:manoeuvre_scene",
         "beyond.missions.manoeuvre_verification:manoeuvre_report",
-        "beyond.missions.values:manoeuvre_values",
-        "beyond.missions.tables:manoeuvre_tables",
-        "beyond.missions.manoeuvre_files:decode_manoeuvre",
-        "beyond.missions.manoeuvre_files:CODEC",
+        "beyond.missions.values:manoeuvre_values", "beyond.missions.tables:manoeuvre_tables",
+        "beyond.missions.manoeuvre_files:decode_manoeuvre", "beyond.missions.manoeuvre_files:CODEC",
     ),
     "attitude map": ResultKind(
         "planning.space.attitude_map:AttitudeMap",
         "visualization.figures.figures:attitude_map_figures",
-        "visualization.scenes.map_scene:map_scene",
-        "verification.margin_maps:map_report",
+        "visualization.scenes.map_scene:map_scene", "verification.margin_maps:map_report",
         "studies.record_values:attitude_map_values",
     ),
     "map": ResultKind(
-        "planning.margin_map:HeadingMap",
-        "visualization.figures.figures:heading_map_figures",
-        "visualization.scenes.map_scene:heading_scene",
-        "verification.margin_maps:map_report",
+        "planning.margin_map:HeadingMap", "visualization.figures.figures:heading_map_figures",
+        "visualization.scenes.map_scene:heading_scene", "verification.margin_maps:map_report",
         "studies.record_values:heading_map_values",
     ),
     "singularity map": ResultKind(
         "beyond.joint_space.singularity_map:SingularityMap",
-        "beyond.joint_space.figures:map_figures",
-        "beyond.joint_space.scene:singularity_scene",
+        "beyond.joint_space.figures:map_figures", "beyond.joint_space.scene:singularity_scene",
         "beyond.joint_space.verification:singularity_map_report",
-        decode="beyond.joint_space.verification:decoded",
-        scenario="",
+        decode="beyond.joint_space.verification:decoded", scenario="",
     ),
-}
+}  # fmt: skip
 """Kinds of results that are saved, by the attribute ``kind`` of their records."""
 _MOTION = ResultKind(
     "motion.motion:Motion",

@@ -98,15 +98,10 @@ class Rotation:
         R = self.as_matrix()
         level = np.hypot(R[..., 0, 0], R[..., 1, 0])
         upright = level < 1e-7
-        return np.stack([
-            np.where(upright, 0.0, np.arctan2(R[..., 2, 1], R[..., 2, 2])),
-            np.arctan2(-R[..., 2, 0], level),
-            np.where(
-                upright,
-                np.arctan2(-R[..., 0, 1], R[..., 1, 1]),
-                np.arctan2(R[..., 1, 0], R[..., 0, 0]),
-            ),
-        ], axis=-1)  # fmt: skip
+        roll = np.where(upright, 0.0, np.arctan2(R[..., 2, 1], R[..., 2, 2]))
+        sine = np.where(upright, -R[..., 0, 1], R[..., 1, 0])
+        yaw = np.arctan2(sine, np.where(upright, R[..., 1, 1], R[..., 0, 0]))
+        return np.stack([roll, np.arctan2(-R[..., 2, 0], level), yaw], axis=-1)
 
     def inv(self) -> Rotation:
         """The inverse rotations."""
@@ -114,12 +109,10 @@ class Rotation:
 
     def __mul__(self, inner: Rotation) -> Rotation:
         """Rotations by ``inner`` and then by these."""
-        p, q = self.quaternions, inner.quaternions
-        vector = (
-            p[..., 3:] * q[..., :3] + q[..., 3:] * p[..., :3] + np.cross(p[..., :3], q[..., :3])
-        )
-        scalar = p[..., 3] * q[..., 3] - (p[..., :3] * q[..., :3]).sum(axis=-1)
-        return Rotation.from_quat(np.concatenate([vector, scalar[..., None]], axis=-1))
+        (u, s), (v, t) = ((r.quaternions[..., :3], r.quaternions[..., 3:]) for r in (self, inner))
+        vector = s * v + t * u + np.cross(u, v)
+        scalar = s * t - (u * v).sum(axis=-1, keepdims=True)
+        return Rotation.from_quat(np.concatenate([vector, scalar], axis=-1))
 
     def __getitem__(self, index: int | slice | Array) -> Rotation:
         """Some of the rotations."""

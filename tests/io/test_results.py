@@ -47,7 +47,7 @@ def test_plain_hdf5_tools_can_read_it(saved):
         assert file["joint_names"].asstr()[()].tolist() == ["q1", "q2", "q3"]
         assert json.loads(file["document"].asstr()[()])["feasible"] is True
         assert file.attrs["software_freefloat"] == version("freefloat")
-        assert (file.attrs["format"], file.attrs["version"]) == ("freefloat plan", 3)
+        assert (file.attrs["format"], file.attrs["version"]) == ("freefloat plan", 4)
 
 
 CARRIED = """\

@@ -12,9 +12,8 @@ import freefloat as ff
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.errors import UnreachableError
 from freefloat.io.scenario.scenario import parse_scenario
-from freefloat.motion.reach import out_of_reach
 from freefloat.paths import PolynomialCurve
-from freefloat.planning.reasons import light_spacecraft_hint, reach_message
+from freefloat.planning.reasons import light_spacecraft_hint, out_of_reach, reach_message
 from tests.scenarios import EASY
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import freefloat as ff
-from freefloat.beyond.engines.track_runs import track_chunks, tracked
+from freefloat.beyond.engines.track_runs import chunks, computed
 from freefloat.studies.portable import PortableStudy
 from freefloat.studies.results import StudyResult
 from freefloat.studies.run import execute
@@ -60,8 +60,8 @@ def test_a_run_has_the_results_of_track(tmp_path: Path) -> None:
     assert result.values["branch"] == 0
     assert result.values["verdict"] == ("feasible" if tracking.survived else "infeasible")
     assert result.content is None
-    (chunk,) = track_chunks(study, np.arange(8))
-    columns = tracked(PortableStudy(study), chunk, 2)
+    (chunk,) = chunks(study, np.arange(8))
+    columns = computed(PortableStudy(study), chunk, 2)
     assert columns["number"] == list(range(8))
     for name in result.values.keys() - {"began", "seconds"}:
         assert columns[name][7] == result.values[name]

@@ -29,9 +29,8 @@ _FOLDER = "a writable folder, or the name of one in an existing, writable folder
 def require_result_name(path: Path) -> None:
     """Raise an InputError unless a name is that of an HDF5 file, not that of another format."""
     if path.suffix.lower() not in _RESULTS:
-        raise InputError(
-            "output", f"{str(path)!r} was given", f"a name with {' or '.join(_RESULTS)}"
-        )
+        accepted = f"a name with {' or '.join(_RESULTS)}"
+        raise InputError("output", f"{str(path)!r} was given", accepted)
 
 
 def cell_text(text: str) -> str:

@@ -118,13 +118,8 @@ class _Reader:
     """Objects of a file, each read once, however many names it has, within a bound of memory."""
 
     def __init__(self, size: int) -> None:
-        """Prepare to read a file.
-
-        Args:
-            size: Its size [bytes].
-        """
-        self._size = size
-        self._left = _MAX_SMALL + _MAX_RATIO * size
+        """Prepare to read a file of a size [bytes]."""
+        self._size, self._left = size, _MAX_SMALL + _MAX_RATIO * size
         self._known: dict[int, Any] = {}
 
     def group(self, group: Any, depth: int = 0) -> Tree:

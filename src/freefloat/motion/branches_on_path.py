@@ -30,12 +30,11 @@ class BranchesOnPath(Setting):
     def branches(self, attitude: npt.ArrayLike, t: float = 0.0) -> tuple[ArmBranch, ...]:
         """All arm configurations with the end-effector on the path; see also ``start_joints``.
 
+        There are none where the path is out of reach.
+
         Args:
             attitude: Attitude of the spacecraft at that time, unit quaternion x, y, z, w.
             t: Time [s].
-
-        Returns:
-            The branches; none where the path is out of reach.
         """
         attitude = self.attitude(attitude)
         if self.start_joints is not None or self.path.arms:
@@ -117,9 +116,6 @@ class BranchesOnPath(Setting):
                 near = self.nearest(q, branches, _SAME_JOINTS) or given
         if near is not None:
             return near
-        raise InputError(
-            "joints",
-            f"{values.tolist()} is near no arm branch at this attitude",
-            f"within {_NEAR_BRANCH} rad each of: "
-            + "; ".join(f"{b.index} {np.round(b.joints, 4).tolist()}" for b in branches),
-        )
+        problem = f"{values.tolist()} is near no arm branch at this attitude"
+        listed = "; ".join(f"{b.index} {np.round(b.joints, 4).tolist()}" for b in branches)
+        raise InputError("joints", problem, f"within {_NEAR_BRANCH} rad each of: {listed}")

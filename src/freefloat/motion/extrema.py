@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy
@@ -194,11 +194,7 @@ class ClosestApproach:
 
 
 def closest_approach(motion: Motion, measure: SingularityMeasure) -> ClosestApproach:
-    """The smallest magnitude of a singularity measure along a motion.
-
-    Args:
-        motion: The motion.
-        measure: A measure of the same robot.
+    """The smallest magnitude of a singularity measure of a robot along its motion.
 
     Raises:
         InputError: If an argument is of another type.
@@ -227,13 +223,8 @@ def closest_approach(motion: Motion, measure: SingularityMeasure) -> ClosestAppr
 def first_crossing(motion: Motion, f: Callable[[Array], Array], level: float) -> float | None:
     """Panel coordinate at which a function of the joints first changes sign or falls below a level.
 
-    Args:
-        motion: The motion.
-        f: Function of joint values (K, n), shape (K,).
-        level: Required magnitude.
-
-    Returns:
-        None where it keeps its sign and that magnitude.
+    The function of joint values (K, n) has the shape (K,); None where it keeps its sign and that
+    magnitude.
     """
     if not motion.panels:
         return 0.0 if abs(f(motion.joints)[0]) < level else None
@@ -252,16 +243,10 @@ def _profile(motion: Motion, f: Callable[[Array], Array]) -> tuple[Function, Arr
     return profile, sign * values[motion.panel_nodes][:, :, None], sign
 
 
-@dataclass(frozen=True, eq=False)
-class JointExtents:
-    """Minimum and maximum of every joint along a motion.
+class JointExtents(NamedTuple):
+    """Minima and maxima of every joint along a motion [rad or m], and their places, (n,) each.
 
-    Attributes:
-        low: Minima [rad or m], shape (n,).
-        high: Maxima [rad or m], shape (n,).
-        low_places: Panel coordinates of the minima, see
-            :meth:`freefloat.motion.motion.Motion.evaluate`, shape (n,).
-        high_places: Panel coordinates of the maxima, shape (n,).
+    Places are panel coordinates, see :meth:`freefloat.motion.motion.Motion.evaluate`.
     """
 
     low: Array

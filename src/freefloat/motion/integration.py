@@ -125,12 +125,9 @@ def _first_node(
             raise InputError("joints", problem_text, "the joints of the arms that follow paths")
     offset, angle = path_errors(problem, np.array([start]), attitude[None], joints[None])[0]
     if max(offset, angle) > _ON_PATH:
-        raise InputError(
-            "joints",
-            f"the end-effector is {offset:.3g} m and {angle:.3g} rad off the path at "
-            f"t = {start:g} s",
-            "joints that meet the path; Problem.branches(attitude) lists them",
-        )
+        away = f"the end-effector is {offset:.3g} m and {angle:.3g} rad off the path"
+        accepted = "joints that meet the path; Problem.branches(attitude) lists them"
+        raise InputError("joints", f"{away} at t = {start:g} s", accepted)
     return np.concatenate([[start], attitude, joints])
 
 
@@ -178,7 +175,6 @@ class ArcFlow:
     """
 
     def __init__(self, problem: Problem) -> None:
-        """Prepare a problem."""
         self.unit = problem.path.duration / _TIME_UNITS
         self.stalled = 0.0
         if problem.redundant:
@@ -221,10 +217,8 @@ class _Stepper:
 
     def __init__(self, flow: ArcFlow, tolerance: float, reference: Array) -> None:
         """Prepare; ``reference`` is a tangent (5 + n,) in whose direction to start."""
-        self._flow = flow
-        self._tolerance = tolerance
-        self._reference = reference
-        self._direction = float(reference[0])
+        self._flow, self._tolerance = flow, tolerance
+        self._reference, self._direction = reference, float(reference[0])
         self._proposed: float | None = None
         self._steps_left = _MAX_STEPS
 
@@ -232,8 +226,7 @@ class _Stepper:
         self, row: Array, prescribed: Prescription, end: float
     ) -> Iterator[tuple[Array, bool]]:
         """Panels up to a time [s], each with whether the arm is singular at its end."""
-        unit = self._flow.unit
-        sign = self._direction
+        unit, sign = self._flow.unit, self._direction
         goal = end / unit
         y = np.concatenate([[row[0] / unit], row[1:]])
 
@@ -255,9 +248,7 @@ class _Stepper:
             message = solver.step()
             if solver.status == "failed":
                 raise IntegrationError(float(solver.y[0] * unit), str(message))
-            dense = solver.dense_output()
-            stop = solver.t
-            pace = sign * solver.f[0]
+            dense, stop, pace = solver.dense_output(), solver.t, sign * solver.f[0]
             if pace < 0.0:
                 stop = scipy.optimize.brentq(pace_at, solver.t_old, stop, (dense,))
             rows = _nodes(dense, solver.t_old, stop)
@@ -277,11 +268,9 @@ class _Stepper:
             if arrived:
                 return
             self._reference = solver.f
-        raise IntegrationError(
-            float(solver.y[0] * unit),
-            f"{_MAX_STEPS} steps were not enough",
-            "a shorter duration or less momentum: the system may rotate hundreds of times",
-        )
+        reason = f"{_MAX_STEPS} steps were not enough"
+        advice = "a shorter duration or less momentum: the system may rotate hundreds of times"
+        raise IntegrationError(float(solver.y[0] * unit), reason, advice)
 
 
 def _reversal(

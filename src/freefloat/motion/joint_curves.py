@@ -202,9 +202,8 @@ class ArmCurves:
         self, start: float, end: float
     ) -> Callable[[float], tuple[Array, Array]]:
         """Joint values and rates of all arms by time, see :meth:`ArmCurve.prescribed_between`."""
-        values, rates = zip(
-            *(c.prescribed_between(start, end) for c in self.curves.values()), strict=True
-        )
+        curves = (c.prescribed_between(start, end) for c in self.curves.values())
+        values, rates = zip(*curves, strict=True)
         return lambda t: (
             np.concatenate([part(t) for part in values]),
             np.concatenate([part(t) for part in rates]),
@@ -218,9 +217,8 @@ class ArmCurves:
         """Raise an InputError unless the curves are those of a model's arms, of a duration [s]."""
         if list(self.curves) != list(model.arms):
             problem = f"curves of {', '.join(self.curves) or 'no arm'} were given"
-            raise InputError(
-                "robot.arms", problem, f"curves of {', '.join(model.arms) or 'no arm'}"
-            )
+            accepted = f"curves of {', '.join(model.arms) or 'no arm'}"
+            raise InputError("robot.arms", problem, accepted)
         joints = {name: model.joints_of_arm(name) for name in self.curves}
         for name, curve in self.curves.items():
             key, count = f"robot.arms.{name}.law.joints", len(joints[name])

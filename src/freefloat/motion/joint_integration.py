@@ -35,11 +35,8 @@ def integrate_spline(law: JointLaw, attitude: Array) -> Motion:
     """The motion of spacecraft and arm with prescribed joints.
 
     Quaternions are polynomials in each panel that satisfy (8c) at its points (collocation), found
-    by Picard's iteration; what depends on the joints alone is computed for all points at once.
-
-    Args:
-        law: Robot, momentum and joints.
-        attitude: Attitude of the spacecraft at the start, unit quaternion x, y, z, w.
+    by Picard's iteration; what depends on the joints alone is computed for all points at once. The
+    attitude is that of the spacecraft at the start, a unit quaternion x, y, z, w.
 
     Raises:
         IntegrationError: If the spacecraft turns too fast for the panels.
@@ -60,9 +57,8 @@ def integrate_spline(law: JointLaw, attitude: Array) -> Motion:
     for panel in np.split(np.arange(len(s)), panels):
         found = _attitudes(last, half, inverse_D[panel], own[panel], momentum)
         if found is None:
-            raise IntegrationError(
-                float(times[panel[0]]), "the spacecraft turns too fast", "another duration"
-            )
+            reason = "the spacecraft turns too fast"
+            raise IntegrationError(float(times[panel[0]]), reason, "another duration")
         last = found[-1] / np.linalg.norm(found[-1])
         quaternions.append(found[:-1:2])
     rows = np.vstack([*quaternions, last])

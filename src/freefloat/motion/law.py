@@ -107,13 +107,11 @@ class PathLaw:
     def ways(self, actual: Pose) -> dict[str, Pose]:
         """K poses along the way of each end-effector by its arm, the first without a name.
 
-        Args:
-            actual: K poses of the end-effector along a motion.
+        The end-effector has K actual poses along a motion.
         """
         path, s = self.problem.path, np.linspace(0.0, 1.0, len(actual.position))
-        return {
-            name: own.pose_at(s) for name, own in zip(("", *path.arms), path.every, strict=True)
-        }
+        paths = zip(("", *path.arms), path.every, strict=True)
+        return {name: own.pose_at(s) for name, own in paths}
 
     def with_arms_at_rest(self, model: FreeFloatingModel, joints: Mapping[str, Array]) -> Self:
         """The law of a robot whose further arms rest at joints (m,), by their names."""
@@ -140,13 +138,10 @@ class PathLaw:
             return self._dynamics.of_end_effector(
                 attitude, joints, rates, change[0], problem.task, arm_accelerations
             )
-        accelerations = self._differentiated(
-            attitude, joints, rates,
-            np.concatenate(
-                [twist, np.asarray(speed)[..., None], rates[..., 3 + problem.model.arm_dof :]], -1
-            ),
-            np.concatenate([change[0], np.asarray(change[1])[..., None], arm_accelerations], -1),
-        )  # fmt: skip
+        speeds, speed_rates = (np.asarray(value)[..., None] for value in (speed, change[1]))
+        values = np.concatenate([twist, speeds, rates[..., 3 + problem.model.arm_dof :]], -1)
+        changes = np.concatenate([change[0], speed_rates, arm_accelerations], -1)
+        accelerations = self._differentiated(attitude, joints, rates, values, changes)
         return self._dynamics.of_joints(attitude, joints, rates, accelerations)
 
     @cached_property
@@ -158,13 +153,9 @@ class PathLaw:
     ) -> Array:
         """Joint accelerations: joint rates differentiated along the tangent of the motion.
 
-        Args:
-            attitude: Unit quaternion x, y, z, w, shape (..., 4).
-            joints: Joint values, shape (..., n).
-            rates: Angular velocity of the base and joint rates, shape (..., 3 + n).
-            prescribed: Twist of the end-effector, or twists of several, ds/dt, and joint rates of
-                further arms on joint curves.
-            change: Its time derivative.
+        Rates (..., 3 + n) are the angular velocity of the base and joint rates. Prescribed are the
+        twist of the end-effector, or twists of several, ds/dt, and joint rates of further arms on
+        joint curves, with their change by time.
         """
         still = _EXCURSION / self.problem.path.duration
         step = _EXCURSION / np.maximum(np.abs(rates).max(axis=-1, keepdims=True), still)
@@ -174,10 +165,8 @@ class PathLaw:
         attitudes = np.broadcast_to(attitude, (*states.shape[:-1], 4)).reshape(-1, 4)
         later = prescribed + np.multiply.outer(_DIFFERENCES, step * change)
         later = later.reshape(-1, later.shape[-1])
-        _, solved = self._solver.rates(
-            rotated_in_body(attitudes, turns), states.reshape(-1, states.shape[-1]),
-            later[:, :end], later[:, end], later[:, end + 1 :],
-        )  # fmt: skip
+        at = rotated_in_body(attitudes, turns), states.reshape(-1, states.shape[-1])
+        _, solved = self._solver.rates(*at, later[:, :end], later[:, end], later[:, end + 1 :])
         return np.asarray(np.tensordot(_WEIGHTS, solved.reshape(states.shape), 1) / step)
 
 

@@ -35,8 +35,7 @@ class Margin:
     def __post_init__(self) -> None:
         accepted = "a measure, such as singularity_measure(model, Task.POSE, 'gjm')"
         require_type("margin.measure", self.measure, SingularityMeasure, accepted)
-        accepted = "a magnitude, 0 or more"
-        threshold = finite_number("margin.value", self.threshold, accepted, 0.0)
+        threshold = finite_number("margin.value", self.threshold, "a magnitude, 0 or more", 0.0)
         object.__setattr__(self, "threshold", threshold)
 
     def keeps(self, values: npt.ArrayLike) -> npt.NDArray[np.bool_]:

@@ -192,13 +192,9 @@ class Motion:
         return np.asarray(self.law.timing.segment_at((first + last) / 2.0))
 
     def evaluate(self, u: npt.ArrayLike) -> tuple[Array, Array, Array]:
-        """Evaluate the motion by panel coordinate.
+        """Times (K,), attitudes (K, 4) and joints (K, n) at panel coordinates (K,).
 
-        Args:
-            u: Panel coordinates, k to k + 1 in panel k, shape (K,).
-
-        Returns:
-            Times (K,), attitudes (K, 4) and joints (K, n).
+        Panel coordinates are k to k + 1 in panel k.
         """
         if not self.panels:
             node = np.zeros(np.size(u), dtype=int)
@@ -220,10 +216,8 @@ class Motion:
         times = np.atleast_1d(np.asarray(times, dtype=float))
         first, last = sorted((float(self.times[0]), float(self.times[-1])))
         if ((times < first) | (times > last)).any() or np.isnan(times).any():
-            raise InputError(
-                "times", f"{times.min():g} to {times.max():g} s was given",
-                f"{first:g} to {last:g} s, where the motion is known",
-            )  # fmt: skip
+            given = f"{times.min():g} to {times.max():g} s was given"
+            raise InputError("times", given, f"{first:g} to {last:g} s, where the motion is known")
         sign = 1.0 if self.times[-1] >= self.times[0] else -1.0
         if not self.panels:
             return np.zeros(len(times))
@@ -246,13 +240,9 @@ class Motion:
         return tuple(State(t, *map(frozen, vectors)) for t, *vectors in states)
 
     def ways(self, count: int) -> dict[str, Pose]:
-        """Poses along the path of each end-effector, or along its way without a path.
+        """Some poses along the path of each end-effector, or along its way without a path.
 
-        Args:
-            count: Number of poses.
-
-        Returns:
-            The poses by the name of the arm, empty for the first one.
+        They are by the name of the arm, which is empty for the first one.
         """
         _, attitudes, joints = self.evaluate(np.linspace(0.0, self.panels, count))
         return self.law.ways(self.model.end_effector_pose(attitudes, joints))
@@ -272,11 +262,9 @@ class Motion:
         position, orientation = np.max(self.end_effector_errors, axis=0)
         panel = np.repeat(np.arange(self.panels), DEGREE + 1)
         momentum = self._momentum_errors(panel, np.tile(NODES, self.panels))
-        return Residuals(
-            float(position),
-            float(orientation) if self.problem.task.prescribes_orientation else None,
-            float(np.max(momentum, initial=0.0, where=np.isfinite(momentum))),
-        )
+        largest = float(np.max(momentum, initial=0.0, where=np.isfinite(momentum)))
+        oriented = self.problem.task.prescribes_orientation
+        return Residuals(float(position), float(orientation) if oriented else None, largest)
 
     @cached_property
     def end_effector_errors(self) -> Array:
@@ -290,17 +278,11 @@ class Motion:
         return frozen(np.column_stack(states)[self.panel_nodes])
 
     def momentum_errors(self, u: npt.ArrayLike) -> Array:
-        """Deviation of the angular momentum from the prescribed one.
+        """Deviations (K,) from the prescribed angular momentum at panel coordinates (K,) [N m s].
 
-        It is recomputed from the recorded configurations alone, by the derivatives of the panels'
-        polynomials, time included.
-
-        Args:
-            u: Panel coordinates, shape (K,).
-
-        Returns:
-            Magnitudes [N m s], shape (K,); nan in panels without motion and where time nearly
-            stands still.
+        They are recomputed from the recorded configurations alone, by the derivatives of the
+        panels' polynomials, time included; nan in panels without motion and where time nearly
+        stands still.
         """
         if not self.panels:
             return np.full(np.size(u), np.nan)

@@ -55,14 +55,10 @@ def with_slopes(c: Array, panel: IntArray, x: Array) -> tuple[IntArray, Array, A
 
 
 def parameters_at(c: Array, values: Array) -> Array:
-    """Parameters at which rising polynomials have values, by Newton's method within brackets.
+    """Parameters in [-1, 1], shape (K,), at which rising polynomials have values (K,).
 
-    Args:
-        c: Chebyshev coefficients, shape (K, 9).
-        values: Values between the polynomials' first and last ones, shape (K,).
-
-    Returns:
-        The parameters in [-1, 1], shape (K,).
+    By Newton's method within brackets. The polynomials have Chebyshev coefficients (K, 9); the
+    values lie between their first and last ones.
     """
     slopes = chebyshev.chebder(c, axis=1)
     low, high, x = np.full(len(c), -1.0), np.ones(len(c)), np.zeros(len(c))

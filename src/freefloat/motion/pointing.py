@@ -167,11 +167,7 @@ class AttitudeLimits:
         return self
 
     def seen_from(self, centre: Array) -> Self:
-        """The limits in a frame that begins at another place of the centre of mass.
-
-        Args:
-            centre: The place in the frame of these limits [m], shape (3,).
-        """
+        """The limits in a frame that begins at another centre of mass, (3,) in this frame [m]."""
         return replace(self, pointing=tuple(limit.moved(-centre) for limit in self.pointing))
 
     @property

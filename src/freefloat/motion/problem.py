@@ -167,14 +167,11 @@ class Problem(BranchesOnPath):
             raise InputError("robot.arms", problem, accepted)
         keys = ["path", *(f"robot.arms.{name}.law.path" for name in arms)]
         for key, path in zip(keys, self.path.every, strict=True):
-            if self.task.prescribes_orientation and isinstance(
-                path.path.orientation, FreeOrientation
-            ):
-                raise InputError(
-                    f"{key}.attitude",
-                    f"it is missing, task {self.task} needs it",
-                    "EndEffectorPath(curve, FixedOrientation(axes)), or another law",
-                )
+            free = isinstance(path.path.orientation, FreeOrientation)
+            if free and self.task.prescribes_orientation:
+                problem = f"it is missing, task {self.task} needs it"
+                accepted = "EndEffectorPath(curve, FixedOrientation(axes)), or another law"
+                raise InputError(f"{key}.attitude", problem, accepted)
 
     @property
     def depends_on_timing(self) -> bool:
@@ -191,10 +188,9 @@ class Problem(BranchesOnPath):
 
     def with_system(self, system: System) -> Problem:
         """The same problem for another system, whose drift its path has, checked again."""
-        return self.replace(
-            model=system.model, momentum=system.momentum, wheel_momentum=system.wheels,
-            path=self.path.with_drift(system.drift),
-        )  # fmt: skip
+        momenta = {"momentum": system.momentum, "wheel_momentum": system.wheels}
+        path = self.path.with_drift(system.drift)
+        return self.replace(model=system.model, path=path, **momenta)
 
     def with_arms_resting(self, t: float) -> Problem:
         """The same problem, further arms on joint curves being fixed as at a time [s]."""

@@ -81,8 +81,7 @@ def margin_of(model: FreeFloatingModel, task: Task | str, value: Any) -> Margin:
     """
     if isinstance(value, Margin):
         return value
-    if value is None:
-        value = "gjm", 0.0
+    value = ("gjm", 0.0) if value is None else value
     if not isinstance(value, tuple | list) or len(value) != 2:
         accepted = "('gjm', 0.05), a measure and its value, or a Margin"
         raise InputError("margin", f"{value!r} was given", accepted)
@@ -92,11 +91,7 @@ def margin_of(model: FreeFloatingModel, task: Task | str, value: Any) -> Margin:
 def require_planar_vectors(key: str, plane: Plane, vectors: Array, *, along: bool) -> None:
     """Raise an InputError that names a key unless vectors (..., 3) are normal to or in a plane.
 
-    Args:
-        key: The key.
-        plane: The plane.
-        vectors: Momenta, which are along the normal, or velocities, which are in the plane.
-        along: Whether they have to be along the normal.
+    Momenta have to be ``along`` the normal, velocities in the plane.
     """
     rows = vectors.reshape(-1, 3)
     forbidden = plane.seen(rows)[:, slice(2) if along else slice(2, 3)]
@@ -142,21 +137,17 @@ def _require_path_in_plane(
         height = float(normal @ place)
         slack = 0.0 if plane.is_exact else plane.tolerance * float(np.linalg.norm(place))
         if abs(height - level) > _LEVEL + slack:
-            problem = (
-                f"{coordinate} = {height:.6g} m at s = {s:.2g}, out of the plane of the "
-                "end-effector"
-            )
-            raise InputError(key, problem, f"a path with {coordinate} = {level:g} m everywhere")
+            point = f"{coordinate} = {height:.6g} m at s = {s:.2g}"
+            accepted = f"a path with {coordinate} = {level:g} m everywhere"
+            raise InputError(key, f"{point}, out of the plane of the end-effector", accepted)
     for s in np.linspace(0.0, 1.0, 21) if task.prescribes_orientation else ():
         upright = path.path.orientation.rotation(float(s)) @ straight.rotation.T @ normal
         if upright @ normal < 1.0 - 1e-9:
             own = straight.rotation.T @ normal
             axis = ", ".join(f"{entry:.4g}" for entry in own.round(9) + 0.0)
-            raise InputError(
-                f"{key}.attitude",
-                f"the end-effector would leave the plane at s = {s:.2g}",
-                f"orientations in which ({axis}) of its frame points along {plane.axis}",
-            )
+            problem = f"the end-effector would leave the plane at s = {s:.2g}"
+            accepted = f"orientations in which ({axis}) of its frame points along {plane.axis}"
+            raise InputError(f"{key}.attitude", problem, accepted)
 
 
 def require_few_revolutions(system: System, duration: float) -> None:
@@ -164,12 +155,9 @@ def require_few_revolutions(system: System, duration: float) -> None:
     inertia = mean_inertia(system.model)
     turns = float(revolutions(system.momentum, system.wheels, inertia, duration))
     if turns > MAX_REVOLUTIONS:
-        raise InputError(
-            "momentum",
-            f"{system.momentum_bound:g} N m s rotates the system {turns:.3g} times in "
-            f"{duration:g} s",
-            f"momentum and duration of at most {MAX_REVOLUTIONS} revolutions",
-        )
+        rotated = f"{system.momentum_bound:g} N m s rotates the system {turns:.3g} times"
+        accepted = f"momentum and duration of at most {MAX_REVOLUTIONS} revolutions"
+        raise InputError("momentum", f"{rotated} in {duration:g} s", accepted)
 
 
 def mean_inertia(model: FreeFloatingModel) -> float:
@@ -183,11 +171,8 @@ def revolutions(
 ) -> Array:
     """How often systems rotate along a path, shape (...).
 
-    Args:
-        momenta: Angular momenta [N m s], shape (..., 3).
-        wheels: Momenta stored in wheels [N m s], likewise.
-        inertia: Mean moments of inertia [kg m²], shape (...).
-        duration: Duration of the path [s], shape (...).
+    Angular momenta and those stored in wheels [N m s] have the shape (..., 3), mean moments of
+    inertia [kg m²] and durations of the path [s] the shape (...).
     """
     magnitudes = np.linalg.norm(momenta, axis=-1) + np.linalg.norm(wheels, axis=-1)
     return np.asarray(magnitudes / inertia * duration / (2.0 * np.pi))

@@ -50,13 +50,8 @@ def path_errors(problem: Problem, times: Array, attitudes: Array, joints: Array)
     """Distances from the path [m] and angles from its orientation [rad], shape (K, 2).
 
     Only components prescribed by the task count; of ``pointing`` the angle between the z axes. Of
-    several end-effectors that follow paths the larger errors count.
-
-    Args:
-        problem: Robot, path and task.
-        times: Times [s], shape (K,).
-        attitudes: Attitudes of the spacecraft, unit quaternions x, y, z, w, shape (K, 4).
-        joints: Joint values, shape (K, n).
+    several end-effectors that follow paths the larger errors count. Times [s] have the shape (K,),
+    attitudes, unit quaternions x, y, z, w, the shape (K, 4), joints the shape (K, n).
     """
     poses = problem.model.end_effector_poses(attitudes, joints)
     pairs = zip(poses, problem.path.poses(times), strict=True)
@@ -68,10 +63,7 @@ def start_offset(
 ) -> tuple[float, float]:
     """Distance [m] and angle [rad] of the start of the path from a pose of the end-effector.
 
-    Args:
-        problem: Robot, path and task.
-        attitude: Attitude of the spacecraft, unit quaternion x, y, z, w, shape (4,).
-        joints: Joint values by name, or shape (n,).
+    The attitude is a unit quaternion x, y, z, w, shape (4,); joints are by name, or of shape (n,).
     """
     values = problem.all_joints(problem.model.joint_vector(joints), 0.0)
     distance, angle = path_errors(problem, np.zeros(1), attitude[None], values[None])[0]
@@ -97,15 +89,10 @@ def _pose_errors(problem: Problem, poses: Pose, path: Pose) -> Array:
 def momentum_errors(
     system: System, duration: float, states: Array, panel: IntArray, x: Array
 ) -> Array:
-    """Deviations of the angular momentum from the prescribed one.
+    """Deviations (K,) from the prescribed angular momentum [N m s] in panels, at their parameters.
 
-    Args:
-        system: Robot and momentum.
-        duration: Duration of the whole motion [s].
-        states: Time, attitude, joints and base position at the nodes of panels, shape
-            (panels, 9, 8 + n).
-        panel: Panels of K points.
-        x: Their parameters, shape (K,).
+    States are time, attitude, joints and base position at the nodes of panels, shape
+    (panels, 9, 8 + n); the duration is that of the whole motion [s].
     """
     scale = np.ones(states.shape[2] - 3)
     scale[0] = duration

@@ -12,20 +12,15 @@ def scene_poses(
 ) -> tuple[Pose, ...]:
     """Frames of the bodies of the scene in a state, from the centre of mass, inertial axes.
 
-    Args:
-        motion: The motion.
-        t: Time [s], or times (K,), at which each body has K poses.
-        attitude: Of the spacecraft, unit quaternion x, y, z, w, shape (4,) or (K, 4).
-        joints: Joint values, shape (n,) or (K, n).
+    A state has a time [s], the attitude of the spacecraft, a unit quaternion x, y, z, w, shape
+    (4,), and joints (n,); in K states each body has K poses.
     """
-    setting = motion.setting
-    return setting.scene.poses(t, setting, _hand(motion, t, attitude, joints))
+    return motion.setting.scene.poses(t, motion.setting, _hand(motion, t, attitude, joints))
 
 
 def corridor_pose(motion: Motion, t: float | Array, attitude: Array, joints: Array) -> Pose:
     """The frame of the corridor; arguments are those of :func:`scene_poses`."""
-    setting = motion.setting
-    return setting.scene.corridor_pose(t, setting, _hand(motion, t, attitude, joints))
+    return motion.setting.scene.corridor_pose(t, motion.setting, _hand(motion, t, attitude, joints))
 
 
 def _hand(

@@ -125,16 +125,13 @@ class Setting:
         heading: float | None = None,
         key: str = "attitude",
     ) -> Array:
-        """A checked, normalized attitude of the spacecraft.
+        """A checked attitude of the spacecraft: a unit quaternion, shape (4,).
 
         Args:
             values: Quaternion x, y, z, w.
             heading: For planar tasks and on a table, in its place: the angle about the normal of
                 the plane [rad].
             key: Named in errors.
-
-        Returns:
-            The unit quaternion, shape (4,).
 
         Raises:
             InputError: If it is no unit quaternion or, where the spacecraft turns in a plane, not a
@@ -184,17 +181,11 @@ class JointSetting(Setting):
     ) -> JointSetting:
         """The setting of a system and its scene.
 
-        Args:
-            system: Robot, momentum, wheels and drift.
-            scene: Bodies and corridor, from the centre of mass at the start.
-            limits: Limits that functions keep or check unless others are given.
-            task: As of the class; by default the task with the most rows that the arm can do.
-            measure: The measure that is shown; by default det S* of the task.
+        By default the task is the one with the most rows that the arm can do, and the measure that
+        is shown is det S* of the task.
         """
         model = system.model
         task = natural_task(model) if task is None else task
         measure = singularity_measure(model, task, "gjm") if measure is None else measure
-        return cls(
-            model, system.momentum, system.wheels, system.drift, scene, limits, task,
-            Margin(measure, 0.0),
-        )  # fmt: skip
+        vectors, margin = (system.momentum, system.wheels, system.drift), Margin(measure, 0.0)
+        return cls(model, *vectors, scene, limits, task, margin)

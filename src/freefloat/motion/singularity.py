@@ -92,15 +92,14 @@ def singularity_kind(model: FreeFloatingModel, task: Task, joints: Array) -> Sin
     """
     m, k = len(prescribed_rows(model, task)), base_rotations(model, task)
     rows, columns = unit_factors(model, task)
-    left, values, right = np.linalg.svd(
-        rows[:, None] * system_matrix(model, joints, task)[k:, k:] * columns
-    )
+    S = rows[:, None] * system_matrix(model, joints, task)[k:, k:] * columns
+    left, values, right = np.linalg.svd(S)
     lost = rows * left[:, -1]
     change = [lost @ system_matrix_derivative(model, joints, e, task)[k:, k:]
               for e in np.eye(model.dof)[: model.arm_dof]]  # fmt: skip
     second = columns[:, None] * np.array(change) * columns
-    slope = float(np.linalg.norm(second @ right[m - 1]))
     null = right[m - 1 :]
+    slope = float(np.linalg.norm(second @ null[0]))
     form = np.linalg.eigvalsh(null @ (second + second.T) @ null.T / 2.0)
     curvature = float(np.abs(form).max())
     one_sided = form.min() * form.max() > -((_FOLD * curvature) ** 2)
@@ -108,8 +107,5 @@ def singularity_kind(model: FreeFloatingModel, task: Task, joints: Array) -> Sin
     if one_sided and curvature > _FOLD * slope:
         beyond = value**2 / (2.0 * curvature)
         return SingularityKind.BOUNDARY if beyond < _BEYOND else SingularityKind.DYNAMIC
-    return (
-        SingularityKind.KINEMATIC
-        if value <= _KINEMATIC_DISTANCE * slope
-        else SingularityKind.DYNAMIC
-    )
+    kinematic = value <= _KINEMATIC_DISTANCE * slope
+    return SingularityKind.KINEMATIC if kinematic else SingularityKind.DYNAMIC

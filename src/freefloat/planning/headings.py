@@ -37,10 +37,9 @@ from freefloat.planning.plane.arcs import (
 from freefloat.planning.plane.ranges import Segment, heading_ranges, limits_of_spans
 from freefloat.planning.plane.search import depth_of_start, searched_ranges
 from freefloat.planning.searches.line_search import LineSamples, resolved
-from freefloat.planning.searches.pattern_search import Flags
 from freefloat.planning.settings import HEADINGS, Search, SearchDomain
 from freefloat.regions.planar_regions import has_two_angle_form
-from freefloat.so3 import Array, IntArray
+from freefloat.so3 import Array, BoolArray, IntArray
 
 _SPACING = np.radians(0.25)
 """Spacing of the first grid of slacks."""
@@ -103,9 +102,7 @@ def heading_depth(
     """Distance of a motion's heading from the nearer end of its range, 0 outside [rad].
 
     At other headings a redundant arm begins where Newton's method leads from the motion's start.
-
-    Returns:
-        None for spatial tasks, and without a motion.
+    None for spatial tasks, and without a motion.
     """
     if plan.map is not None or chosen is None:
         return None
@@ -152,11 +149,10 @@ def _limited(
             edges += zip((part.low, part.high % tau), part.causes, strict=True)
         edges += slack.zeros(part, known)
     arcs = list(arcs_between(sorted(edges)))
-    kept = slack(np.array([arc.middle for arc in arcs])) >= 0.0
-    feasible = [
-        bool(keeps) and entry.depth(arc.middle) > 0.0 for arc, keeps in zip(arcs, kept, strict=True)
-    ]
-    return branch_ranges(entry.branch, entry.label, arcs, feasible)
+    middles = np.array([arc.middle for arc in arcs])
+    inside = np.array([entry.depth(heading) > 0.0 for heading in middles], bool)
+    feasible = inside & (slack(middles) >= 0.0)
+    return branch_ranges(entry.branch, entry.label, arcs, feasible.tolist())
 
 
 class _Slack:
@@ -179,7 +175,7 @@ class _Slack:
         inside = [part.low + (h - part.low) % tau for h in known if part.depth(h) > _INSIDE]
         headings = np.unique(np.append(headings, inside))
 
-        def slacks(headings: Array, _: IntArray) -> tuple[Array, Flags]:
+        def slacks(headings: Array, _: IntArray) -> tuple[Array, BoolArray]:
             values = self(headings)
             return values[:, None], values >= 0.0
 

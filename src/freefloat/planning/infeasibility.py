@@ -71,9 +71,8 @@ def _last_singularity(samples: AttitudeMap) -> SingularEvent | None:
     n, branch = np.unravel_index(int(np.argmax(times)), times.shape)
     if not np.isfinite(times[n, branch]):
         return None
-    return singular_event(
-        integrate_branch(samples.problem, samples.attitudes[n], int(branch)).motion
-    )
+    longest = integrate_branch(samples.problem, samples.attitudes[n], int(branch))
+    return singular_event(longest.motion)
 
 
 def no_feasible_heading_message(

@@ -228,7 +228,6 @@ class HeadingMap(MarginMap):
 
     def to_dict(self) -> dict[str, Any]:
         """The JSON document of ``freefloat map``."""
-        regions = [region.to_dict() for region in self.regions]
         return {
             "samples": len(self.headings),
             "search": self.search.to_dict(),
@@ -238,7 +237,7 @@ class HeadingMap(MarginMap):
             "best": self.best and self.best.to_dict(),
             "robust": self.robust
             and {**self.robust.to_dict(), "radius_deg": degrees(self.robust.radius)},
-            "regions": regions,
+            "regions": [region.to_dict() for region in self.regions],
             "branches": [
                 {"branch": index, "least": [None if np.isnan(v) else v for v in row.tolist()]}
                 for index, row in self.by_branch(self.results.existing_margins)

@@ -19,6 +19,9 @@ from freefloat.so3 import Array, angle_between
 if TYPE_CHECKING:  # compiled kernels take half a second to import
     from freefloat.ensemble.feasibility import FeasibilityEvaluator
 
+Ranks = tuple[Array, ...]
+"""Keys (K, B) that order motions, as for ``numpy.lexsort``."""
+
 
 class Choices(Protocol):
     """Candidates that an objective can choose, the best first.
@@ -84,10 +87,8 @@ class Objective(ABC):
             motions: Their results, of leading shape (K, B).
         """
 
-    def ranks(
-        self, compared: Comparison, attitudes: Array, motions: EnsembleResult
-    ) -> tuple[Array, ...]:
-        """Keys (K, B) that order motions when limits are screened, as for ``numpy.lexsort``."""
+    def ranks(self, compared: Comparison, attitudes: Array, motions: EnsembleResult) -> Ranks:
+        """Keys that order motions when limits are screened."""
         return (-compared(attitudes, motions),)
 
     def candidates(self, choices: Choices) -> Sequence[Candidate]:

@@ -10,7 +10,7 @@ import numpy as np
 from freefloat.ensemble.result import EnsembleResult
 from freefloat.errors import InputError, did_you_mean, finite_number
 from freefloat.planning.candidates import Ball, Candidate, NearAttitude, WidestRange
-from freefloat.planning.objective import Choices, Comparison, Objective
+from freefloat.planning.objective import Choices, Comparison, Objective, Ranks
 from freefloat.planning.searches.pattern_search import depths
 from freefloat.so3 import Array
 
@@ -29,9 +29,7 @@ class LargestMargin(Objective):
         """See :class:`Objective`."""
         return motions.minimum
 
-    def ranks(
-        self, compared: Comparison, attitudes: Array, motions: EnsembleResult
-    ) -> tuple[Array, ...]:
+    def ranks(self, compared: Comparison, attitudes: Array, motions: EnsembleResult) -> Ranks:
         """See :class:`Objective`."""
         return (-self.merits(compared, attitudes, motions),)
 
@@ -52,9 +50,7 @@ class Nearest(Objective):
         """See :class:`Objective`."""
         return np.broadcast_to(-compared.deviations(attitudes), motions.minimum.shape)
 
-    def ranks(
-        self, compared: Comparison, attitudes: Array, motions: EnsembleResult
-    ) -> tuple[Array, ...]:
+    def ranks(self, compared: Comparison, attitudes: Array, motions: EnsembleResult) -> Ranks:
         """By the angle, then by the margin."""
         return -motions.minimum, -self.merits(compared, attitudes, motions)
 
@@ -93,9 +89,7 @@ class Robust(Objective):
         feasible = motions.keeps(compared.threshold)
         return np.column_stack([depths(attitudes, column) for column in feasible.T])
 
-    def ranks(
-        self, compared: Comparison, attitudes: Array, motions: EnsembleResult
-    ) -> tuple[Array, ...]:
+    def ranks(self, compared: Comparison, attitudes: Array, motions: EnsembleResult) -> Ranks:
         """See :class:`Objective`."""
         return (-self.merits(compared, attitudes, motions),)
 

@@ -80,9 +80,7 @@ def plan_path(
 def stretched_plan(plan: Callable[..., Plan], problem: Problem) -> Plan:
     """The plan of a problem, with a longer duration where rates or torques require one.
 
-    Args:
-        plan: :func:`plan_path` with its options.
-        problem: The problem.
+    ``plan`` is :func:`plan_path` with its options.
     """
     result = plan(problem, to_stretch=True)
     if result.needed_stretch is None:

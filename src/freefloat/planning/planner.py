@@ -77,11 +77,7 @@ def _fastest_plan(
 ) -> Plan:
     """The plan with the fastest timing; the duration of the problem is a first guess.
 
-    Args:
-        problem: The problem.
-        limits: The limits.
-        planned: :func:`plan_path` with its options but the limits.
-        threads: Number of cores to use.
+    ``planned`` is :func:`plan_path` with its options but the limits.
     """
     problem.model.require_one_arm("fastest timings")
     require_considered(limits)
@@ -94,8 +90,7 @@ def _fastest_plan(
         fastest = retime(replace(result, limits=limits), threads=threads).plan
         if fastest.feasible or not problem.model.gravity:
             return fastest
-        slow = stretched_plan(
-            partial(planned, limits=limits), problem
-        )  # the arm is too heavy there
+        # at the fastest timing the arm is too heavy
+        slow = stretched_plan(partial(planned, limits=limits), problem)
         return retime(slow, threads=threads).plan if slow.feasible else fastest
     return at_first_guess(result, problem) if problem.depends_on_timing else result

@@ -11,6 +11,7 @@ from enum import StrEnum
 
 import numpy as np
 import numpy.typing as npt
+import scipy
 
 from freefloat.dynamics.joint_space import sampled_reach
 from freefloat.dynamics.measures import measure_title
@@ -21,7 +22,6 @@ from freefloat.limits.result import LimitResult, all_violations, violated
 from freefloat.motion.extrema import ClosestApproach
 from freefloat.motion.motion import Ending, Motion
 from freefloat.motion.problem import Problem
-from freefloat.motion.reach import out_of_reach
 from freefloat.motion.singularity import SingularEvent
 from freefloat.so3 import Array
 
@@ -33,6 +33,7 @@ FIRST_GUESS = "{reason} (at {duration:g} s, with which the search for the fastes
 PRECEDED = "the state at the end of the phase before"
 _OTHER_UNITS = 50.0
 """A start this many times farther than the reach was hardly written in metres."""
+_PATH_POINTS = 401
 
 
 class Cause(StrEnum):
@@ -108,25 +109,16 @@ _CELLS = {
 def verdict_on(
     motion: Motion, results: Iterable[LimitResult] = (), approach: ClosestApproach | None = None
 ) -> Verdict:
-    """The verdict on a motion.
+    """The verdict on a motion with the results of limits along it.
 
-    Args:
-        motion: The motion.
-        results: Limits along it.
-        approach: Its closest approach to a dynamic singularity, where the margin is to be kept.
+    Its closest approach to a dynamic singularity is given where the margin is to be kept.
     """
     if motion.ending is Ending.SINGULAR:
         return Verdict(Cause.SINGULAR, time=motion.final.time)
     margin = motion.setting.margin
     if approach is not None and not (motion.completed and margin.keeps(approach.value)):
-        return Verdict(
-            Cause.MARGIN,
-            measure_title(approach.measure),
-            "",
-            approach.time,
-            approach.value,
-            margin.threshold,
-        )
+        name, time, value = measure_title(approach.measure), approach.time, approach.value
+        return Verdict(Cause.MARGIN, name, "", time, value, margin.threshold)
     compared = tuple(results)
     violations = violated(compared)
     if violations:
@@ -136,6 +128,27 @@ def verdict_on(
             sentence=all_violations(violations),
         )  # fmt: skip
     return Verdict(sentence="margin and limits are kept" if compared else "the margin is kept")
+
+
+def out_of_reach(problem: Problem) -> float | None:
+    """Path parameter from which the end-effector cannot reach the path, whatever the attitude.
+
+    Points that are too near to the centre of mass, or that joint ranges or the end-effector's
+    orientation exclude, are not found.
+
+    Returns:
+        0 where the path begins out of reach, None where all of it lies within the reach.
+    """
+
+    def excess(s: float) -> float:
+        t = problem.path.timing.time_at(s) if problem.arms else 0.0
+        return float(np.linalg.norm(problem.path.pose_at(s).position)) - problem.reach(t)
+
+    samples = np.linspace(0.0, 1.0, _PATH_POINTS).tolist()
+    outside = next((k for k, s in enumerate(samples) if excess(s) > 0.0), None)
+    if not outside:
+        return outside
+    return float(scipy.optimize.brentq(excess, *samples[outside - 1 : outside + 1]))
 
 
 def reach_message(problem: Problem) -> str | None:
@@ -159,9 +172,7 @@ def reach_message(problem: Problem) -> str | None:
 def unreached_start_message(problem: Problem, origin: str) -> str:
     """The sentence that the arm does not reach the start of the path, with the distances.
 
-    Args:
-        problem: The problem.
-        origin: Attitudes from which it does not, such as ``"no heading"``.
+    The ``origin`` names attitudes from which it does not, such as ``"no heading"``.
     """
     start = problem.path.pose(0.0).position
     return (
@@ -186,16 +197,15 @@ def unreachable(problem: Problem, attitude: Array) -> UnreachableError:
         message = str(reach_message(problem))
         return UnreachableError("path", message, "a path that begins within the reach")
     starts = [np.round(pose.position, 6).tolist() for pose in problem.path.poses(0.0)]
-    ends = "end-effectors at the starts of their paths" if problem.path.arms else (
-        "end-effector at the start of the path"
-    )  # fmt: skip
-    return UnreachableError(
-        "attitude",
+    ends = "end-effector at the start of the path"
+    if problem.path.arms:
+        ends = "end-effectors at the starts of their paths"
+    message = (
         f"from {np.round(attitude, 6).tolist()} no arm configuration puts the {ends}, "
         f"{' and '.join(map(str, starts))} m from the centre of mass"
-        + light_spacecraft_hint(problem),
-        "an attitude from which the arm reaches it, or a path that begins nearer",
     )
+    accepted = "an attitude from which the arm reaches it, or a path that begins nearer"
+    return UnreachableError("attitude", message + light_spacecraft_hint(problem), accepted)
 
 
 def light_spacecraft_hint(problem: Problem) -> str:
@@ -214,12 +224,10 @@ def margin_text(approach: ClosestApproach) -> str:
 def none_completes(
     tried: str, endings: npt.NDArray[np.int8], last: SingularEvent | None = None
 ) -> str:
-    """That no motion completes the path, and how they end.
+    """That no motion ``tried``, such as ``"none of 24 headings"``, completes the path, and why.
 
-    Args:
-        tried: That none is, such as ``"none of 24 headings"``.
-        endings: Endings of their arm branches, shape (K, B).
-        last: The singularity that ends the longest motion, where it is known.
+    Endings are those of arm branches, shape (K, B); the last singularity, which ends the longest
+    motion, is given where it is known.
     """
     within = " within its limits" if (endings == LIMITED).any() else ""
     return f"{tried} completes the path{within}: {ending_fractions(endings, last)}"

@@ -131,8 +131,7 @@ class Search:
         accepted = "an angle from 0 to pi / 2"
         spare = finite_number("search.spare", self.spare, accepted, 0.0, np.pi / 2.0)
         object.__setattr__(self, "spare", spare)
-        objective = f"objective {self.objective.name}"
-        reason = objective if self.objective.approaches else None
+        reason = f"objective {self.objective.name}" if self.objective.approaches else None
         if self.from_attitude is not None:
             attitude = unit_quaternion("search.from_attitude", self.from_attitude)
             object.__setattr__(self, "from_attitude", frozen(attitude))

@@ -49,8 +49,8 @@ def chunks(study: Study, missing: IntArray, size: int | None = None) -> Iterator
         missing: Numbers of runs, ascending.
         size: Largest number of runs in a chunk of an ensemble; by default by what takes long.
     """
-    if command := STUDY_COMMANDS.get(study.content.command):
-        yield from named(command.chunks)(study, missing)
+    if module := STUDY_COMMANDS.get(study.content.command):
+        yield from named(f"{module}:chunks")(study, missing)
         return
     size = size or (_SLOW_CHUNK if study.has_slow_limits else CHUNK)
     groups = group_numbers(study)
@@ -70,8 +70,8 @@ def computed(study: PortableStudy, chunk: Chunk, threads: int | None = None) -> 
         chunk: The runs.
         threads: Number of threads; default is one per core.
     """
-    if command := STUDY_COMMANDS.get(study.study.content.command):
-        columns: Columns = named(command.computed)(study, chunk, threads)
+    if module := STUDY_COMMANDS.get(study.study.content.command):
+        columns: Columns = named(f"{module}:computed")(study, chunk, threads)
         return columns
     group, _ = grouped(study.here, chunk.first)
     if group is None:

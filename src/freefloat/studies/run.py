@@ -99,8 +99,8 @@ def execute_into(study: PortableStudy, number: int, folder: Path) -> RunResult:
 def _computed(study: Study, number: int) -> tuple[dict[str, Any], Any]:
     """Execute the command; return the results by column, and the record that files store."""
     source, inputs = study.base_source.absolute(), study.inputs(number)
-    if command := STUDY_COMMANDS.get(study.content.command):
-        return named(command.values)(study, number), None
+    if module := STUDY_COMMANDS.get(study.content.command):
+        return named(f"{module}:values")(study, number), None
     record = computed_record(study.content.command, source, **inputs)
     contact = {} if study.contact_unchecked is None else {"contact": UNCHECKED}
     return finite(record_values(record)) | contact, record

@@ -30,7 +30,7 @@ _FEWEST, _CHUNK = 8, 256
 """Smallest and largest number of runs that are simulated together."""
 
 
-def track_chunks(study: Study, missing: IntArray) -> Iterator[Chunk]:
+def chunks(study: Study, missing: IntArray) -> Iterator[Chunk]:
     """Yield missing runs that follow the same motion with the same period, some at a time.
 
     Runs of small groups are left out.
@@ -54,7 +54,7 @@ def _chunk(numbers: list[int]) -> Chunk:
     return Chunk(numbers[0], np.array(numbers))
 
 
-def track_values(study: Study, number: int) -> dict[str, Any]:
+def values(study: Study, number: int) -> dict[str, Any]:
     """The values of one run."""
     inputs = json.dumps(study.inputs(number))
     followed = followed_motion(inputs, study.base_source.absolute())
@@ -63,7 +63,7 @@ def track_values(study: Study, number: int) -> dict[str, Any]:
     return row
 
 
-def tracked(study: PortableStudy, chunk: Chunk, threads: int | None = None) -> Columns:
+def computed(study: PortableStudy, chunk: Chunk, threads: int | None = None) -> Columns:
     """Simulate the runs of a chunk; return their rows, none if their motion is an error.
 
     Args:

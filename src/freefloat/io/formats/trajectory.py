@@ -48,9 +48,8 @@ class Header:
         for key in ("frame", "object_name", "object_id"):
             value = getattr(self, key)
             require_type(key, value, str | None, "a text")
-            if value is not None and not (
-                value.strip() and value.isprintable() and value.isascii()
-            ):
+            line = value is None or (value.strip() and value.isprintable() and value.isascii())
+            if not line:
                 raise InputError(key, f"{value!r} was given", "a line of ASCII characters")
 
 
@@ -85,21 +84,17 @@ class Trajectory:
     Attributes:
         motion: The motion.
         times: Times, rising [s], shape (K,).
-        attitudes: Attitudes of the spacecraft, quaternions x, y, z, w of continuous sign,
-            shape (K, 4).
-        base_positions: Positions of the root link from the centre of mass, inertial axes [m],
-            shape (K, 3).
+        attitudes: Of the spacecraft, quaternions x, y, z, w of continuous sign, shape (K, 4).
+        base_positions: Of the root link from the centre of mass, inertial axes [m], shape (K, 3).
         base_velocities: Velocities of the same point, inertial axes [m/s], shape (K, 3).
-        angular_velocities: Angular velocities of the spacecraft, inertial axes [rad/s],
-            shape (K, 3).
+        angular_velocities: Of the spacecraft, inertial axes [rad/s], shape (K, 3).
         joints: Joint values [rad or m], shape (K, n).
         joint_rates: Joint rates [rad/s or m/s], shape (K, n).
         joint_accelerations: Joint accelerations [rad/s² or m/s²], shape (K, n).
         joint_torques: Joint torques of inverse dynamics [N m or N], shape (K, n).
         end_effectors: Poses of the end-effectors of all arms that move, that on the path of the
             problem first.
-        centre_of_mass_positions: Positions of the centre of mass in the path's frame [m],
-            shape (K, 3).
+        centre_of_mass_positions: In the path's frame [m], shape (K, 3).
         measure: Signed singularity measure of the margin, shape (K,).
         header: What files with dates and names state.
         feasible: Whether the answer that has the motion is feasible; None for a motion alone.
@@ -137,13 +132,7 @@ class Trajectory:
         rate: float | None = None,
         header: Header = HEADER,
     ) -> Trajectory:
-        """Sample a motion at evenly spaced times.
-
-        Args:
-            motion: The motion.
-            count: Number of times; default is 501.
-            rate: Samples per second [Hz], given in place of times.
-            header: What files with dates and names state.
+        """Sample a motion at evenly spaced times: a number of them, by default 501, or a rate [Hz].
 
         Raises:
             InputError: If both are given, or there would be fewer than two or too many times.
@@ -157,12 +146,7 @@ class Trajectory:
 
     @classmethod
     def of(cls, motion: Motion, times: npt.ArrayLike, header: Header = HEADER) -> Trajectory:
-        """Sample a motion.
-
-        Args:
-            motion: The motion.
-            times: Times, rising [s], shape (K,).
-            header: What files with dates and names state.
+        """Sample a motion at times, rising [s], shape (K,).
 
         Raises:
             InputError: If a time lies outside the motion.
@@ -172,19 +156,17 @@ class Trajectory:
         setting, model = motion.setting, motion.model
         n = model.dof
         effort = motion.law.effort(times, attitudes, joints)
-        efforts = np.concatenate(
-            [effort.rates, effort.accelerations[:, 6:], effort.joint_torques], axis=1
-        )
+        efforts = np.hstack([effort.rates, effort.accelerations[:, 6:], effort.joint_torques])
         if motion.ending is Ending.SINGULAR:
             efforts[times == motion.final.time] = np.nan
-        base, angular, rates, accelerations, torques = np.split(
-            efforts, [3, 6, 6 + n, 6 + 2 * n], axis=1
-        )
+        parts = np.split(efforts, [3, 6, 6 + n, 6 + 2 * n], axis=1)
+        base, angular, rates, accelerations, torques = parts
         base_axes = Rotation.from_quat(attitudes)
         bodies = model.body_poses(attitudes, joints)
         links = {"": model.end_effector_link, **model.further_arms}
         places = ((arm, *model.link_places[link]) for arm, link in links.items())
         poses = ((arm, bodies[number] @ place) for arm, number, place in places)
+        tracks = [Track(arm, p.position, frozen(without_jumps(p.quaternion))) for arm, p in poses]
         return cls(
             motion=motion,
             times=times,
@@ -196,10 +178,7 @@ class Trajectory:
             joint_rates=rates,
             joint_accelerations=accelerations,
             joint_torques=torques,
-            end_effectors=tuple(
-                Track(arm, pose.position, frozen(without_jumps(pose.quaternion)))
-                for arm, pose in poses
-            ),
+            end_effectors=tuple(tracks),
             centre_of_mass_positions=np.outer(times, setting.drift),
             measure=setting.margin.measure(joints),
             header=header,
@@ -218,9 +197,7 @@ class Trajectory:
     def later(self, start: float, centre: Array) -> Trajectory:
         """The trajectory in the time and frame of a manoeuvre.
 
-        Args:
-            start: Time at which it begins there [s].
-            centre: Centre of mass at this time [m], shape (3,).
+        It begins there at a time [s], with the centre of mass at a place [m], shape (3,).
         """
         centres = self.centre_of_mass_positions + centre
         return replace(self, times=self.times + start, centre_of_mass_positions=centres)

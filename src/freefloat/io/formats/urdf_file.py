@@ -126,11 +126,9 @@ def write_urdf(model: FreeFloatingModel, file: Path, copy_meshes: bool = False) 
     rename_meshes(robot, lambda name: names.get(name, name))
     etree.indent(robot)
     with written_beside(file) as temporary:
-        text = etree.tostring(robot, encoding="utf-8", xml_declaration=True)
-        temporary.write_bytes(text)
-    meshes = sorted(set(names.values()))
-    sentences = sorted(missing.values())
-    return UrdfFile(file, model, tuple(meshes), tuple(sentences))
+        temporary.write_bytes(etree.tostring(robot, encoding="utf-8", xml_declaration=True))
+    meshes = tuple(sorted(set(names.values())))
+    return UrdfFile(file, model, meshes, tuple(sorted(missing.values())))
 
 
 def _require_readable(robot: Element) -> None:

@@ -96,8 +96,7 @@ def _origin(model: FreeFloatingModel, scenario: Scenario | None) -> dict[str, An
     }
     if scenario is None:
         return robot
-    return {
-        **robot,
+    return robot | {
         "scenario": scenario.text,
         "scenario_file": str(scenario.source),
         "samples": json.dumps(dict(scenario.samples)),
@@ -175,12 +174,10 @@ def _require_same(stated: Any, read: Any, place: str) -> None:
     if getattr(stated, "unit", "") != getattr(read, "unit", ""):
         raise ValueError(f"its part {place} has another unit")
     one, other = (np.asarray(getattr(entry, "values", entry)) for entry in (stated, read))
-    numbers = {one.dtype.kind, other.dtype.kind} == {"f"}
-    if one.shape != other.shape or not (
-        np.allclose(one, other, _DERIVED_ERROR, _DERIVED_ERROR, equal_nan=True)
-        if numbers
-        else np.array_equal(one, other)
-    ):
+    same = np.array_equal(one, other)
+    if one.shape == other.shape and {one.dtype.kind, other.dtype.kind} == {"f"}:
+        same = np.allclose(one, other, _DERIVED_ERROR, _DERIVED_ERROR, equal_nan=True)
+    if not same:
         raise ValueError(f"its part {place} contradicts other parts")
 
 
@@ -219,14 +216,9 @@ def _read_scenario(tree: Tree, model: FreeFloatingModel) -> Scenario:
     robot = scenario.content.robot
     arms_of_paths = [*paths_of_arms(robot.arms)]
     stated = robot.path_link, robot.held, robot.moving_arms, arms_of_paths, robot.gravity
-    arms = {**model.arms, **model.path_arms}
-    if robot.base not in (None, model.base) or stated != (
-        model.end_effector,
-        dict(model.fixed_joints),
-        arms,
-        [*model.path_arms],
-        model.gravity,
-    ):
+    held, arms = dict(model.fixed_joints), {**model.arms, **model.path_arms}
+    own = model.end_effector, held, arms, [*model.path_arms], model.gravity
+    if robot.base not in (None, model.base) or stated != own:
         raise ValueError("its robot is not that of its scenario")
     return scenario
 

@@ -48,9 +48,8 @@ class JointsLaw(Section):
         for number, point in enumerate(self.joints):
             if len(point) != len(joints):
                 problem = f"{len(point)} values were given"
-                raise InputError(
-                    f"{key}.joints.{number}", problem, f"one of each: {', '.join(joints)}"
-                )
+                accepted = f"one of each: {', '.join(joints)}"
+                raise InputError(f"{key}.joints.{number}", problem, accepted)
         with file_keys(waypoints=f"{key}.joints", times=f"{key}.times"):
             if self.times is None:
                 return ArmCurve.evenly(self.joints, duration)
@@ -124,9 +123,8 @@ def _saved_curve(path: Path, key: str, joints: tuple[str, ...]) -> ArmCurve:
     if missing or len(times) < 2 or not (np.diff(times) > 0.0).all():
         problem = f"{path} has no motion of {', '.join(missing or joints)}"
         raise InputError(key, problem, _SAVED)
-    spline = scipy.interpolate.CubicSpline(
-        times, values[:, [names.index(joint) for joint in joints]]
-    )
+    columns = [names.index(joint) for joint in joints]
+    spline = scipy.interpolate.CubicSpline(times, values[:, columns])
     instants = np.linspace(0.0, float(times[-1]), _WAYPOINTS)
     return ArmCurve(spline(instants), instants)
 

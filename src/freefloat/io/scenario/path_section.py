@@ -40,7 +40,7 @@ from freefloat.robot.model import FreeFloatingModel
 from freefloat.rotations import Rotation
 from freefloat.scene.scene import Scene
 from freefloat.scene.scene_body import SceneBody
-from freefloat.so3 import UPRIGHT, Pose
+from freefloat.so3 import UPRIGHT, Array, Pose
 
 SAMPLES = "samples.csv"
 """Name of the CSV file in a scenario that was made from a path of samples, unless it is another."""
@@ -54,7 +54,7 @@ def frame_of(
     model: FreeFloatingModel,
     search: Search,
     scene: Scene,
-    further: Sequence[float] = (),
+    further: Sequence[float] | Array = (),
     joint: int = 0,
 ) -> Pose | SceneBody | None:
     """The frame of a path relative to the inertial one, at the present attitude and joints.
@@ -82,11 +82,9 @@ def frame_of(
         return body.pose if body.motion == "fixed" else body
     number, place = model.link_places.get(kind, (None, _INERTIAL))
     if not isinstance(kind, FrameName) and number != 0:
-        accepted = ", ".join([*FrameName, *scene.names])
-        raise InputError(
-            "path.frame", f"there is no {kind!r}",
-            f"{accepted}, or a link of the spacecraft, such as {model.description.roots[0]}",
-        )  # fmt: skip
+        frames, root = ", ".join([*FrameName, *scene.names]), model.description.roots[0]
+        accepted = f"{frames}, or a link of the spacecraft, such as {root}"
+        raise InputError("path.frame", f"there is no {kind!r}", accepted)
     if search.joints is None:
         problem = f"{kind} needs search.joints, which is missing"
         raise InputError("path.frame", problem, "inertial, or the present joints in search.joints")

@@ -187,9 +187,7 @@ class RobotSection(Section):
             InputError: If a part is invalid.
             ModelError: If a URDF has errors, or the parts do not fit together.
         """
-        folder = scenario.parent
-        craft = self.spacecraft
-        payload = self.payload
+        folder, craft, payload = scenario.parent, self.spacecraft, self.payload
         with error_context(scenario, "robot."), file_keys(fixed_joints="held"):
             self._require_laws()
             model = FreeFloatingModel.from_urdf(
@@ -220,9 +218,8 @@ class RobotSection(Section):
             if arm.end_effector == self.path_link and arm.law is not None:
                 law = arm.law if isinstance(arm.law, str) else "a law"
                 problem = f"{law} was given, but the arm follows the path"
-                raise InputError(
-                    f"arms.{name}.law", problem, "no such key, or another end_effector"
-                )
+                accepted = "no such key, or another end_effector"
+                raise InputError(f"arms.{name}.law", problem, accepted)
 
 
 class RobotFile(Section):

@@ -41,7 +41,7 @@ from freefloat.robot.source import RobotSource
 from freefloat.scene.scene import Scene
 from freefloat.scene.scene_body import SceneBody
 from freefloat.singularities.global_maximum import largest_magnitude
-from freefloat.so3 import Pose
+from freefloat.so3 import Array, Pose
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,8 +94,8 @@ class Scenario(PlannedScenario):
                 problem = "the scenario has a goal in place of a path"
                 raise InputError("goal", problem, "path, timing and task; plan finds the motion")
             timing = content.timing.to_timing()
-        now, limits, scene = arms.at(0.0).tolist(), self.limits(), self.scene()
-        timed = self._timed_path(content.path, "path", timing, scene, now)
+        now, limits, scene = arms.at(0.0), self.limits(), self.scene()
+        timed = self._timed_path(content.path, "path", timing, scene, now, 0)
         further = {}
         for name, section in paths_of_arms(content.robot.arms).items():
             key = f"robot.arms.{name}.law.path"
@@ -123,13 +123,7 @@ class Scenario(PlannedScenario):
             )  # fmt: skip
 
     def _timed_path(
-        self,
-        section: PathSection,
-        key: str,
-        timing: Timing,
-        scene: Scene,
-        now: list[float],
-        joint: int = 0,
+        self, section: PathSection, key: str, timing: Timing, scene: Scene, now: Array, joint: int
     ) -> TimedPath:
         """The path of a section below a key, for the arm whose first joint has a number."""
         with self.error_context(), file_keys(path=key):
@@ -180,9 +174,7 @@ class Scenario(PlannedScenario):
             return Search(**arguments)
 
     def phases(self) -> tuple[Any, ...]:
-        """What follows the path.
-
-        See :func:`freefloat.plan_manoeuvre`.
+        """What follows the path, see :func:`freefloat.plan_manoeuvre`.
 
         Raises:
             InputError: If a value is invalid, or a phase cannot follow those before; it names the

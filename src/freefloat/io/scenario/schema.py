@@ -31,8 +31,6 @@ from freefloat.planning.settings import FEWEST_SAMPLES
 
 GoalSection: Any = named(SECTIONS["goal"].section)
 PhaseSection: Any = named(SECTIONS["phases"].section)
-
-
 ObjectiveName: Any = Literal[*NAMED]
 
 

@@ -54,8 +54,7 @@ def scenario_of(
         InputError: If scenario files cannot describe the path of the problem, the objective or a
             phase.
     """
-    stated, timing = problem.path.stated
-    margin = problem.margin
+    (stated, timing), margin = problem.path.stated, problem.margin
     search = search or Search(joints=problem.start_joints)
     if type(search.objective) not in (Weights, *map(type, NAMED.values())):
         raise inexpressible("search.objective", search.objective, f"{', '.join(NAMED)}, Weights")
@@ -121,15 +120,8 @@ def written_scenario(
         sections["wheels"] = {"momentum": setting.wheel_momentum.tolist()}
     if setting.drifts:
         sections["drift"] = setting.drift.tolist()
-    text = yaml.safe_dump(
-        {
-            key: _stated(value) if isinstance(value, dict) else value
-            for key, value in sections.items()
-        },
-        sort_keys=False,
-    )
+    for name, section in sections.items():
+        if isinstance(section, dict):
+            sections[name] = {key: value for key, value in section.items() if value is not None}
+    text = yaml.safe_dump(sections, sort_keys=False)
     return parse_scenario(text, Path("scenario.yaml"), samples or {}, model, shapes)
-
-
-def _stated(section: Mapping[str, Any]) -> dict[str, Any]:
-    return {key: value for key, value in section.items() if value is not None}

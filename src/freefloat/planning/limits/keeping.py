@@ -176,18 +176,12 @@ def _with_candidate(plan: Plan, trials: Trials, passed: PassedTrial) -> Plan:
     if search.objective.approaches and search.from_attitude is not None:
         passed = moved_nearer(trials, search, search.from_attitude, passed)
     chosen, results = passed
-    plan = replace(
-        plan,
-        chosen=chosen,
-        limit_results=results,
-        excluded=dict(trials.violations),
-        robust_radius=heading_depth(trials.evaluator, plan, chosen),
-    )
+    depth, excluded = heading_depth(trials.evaluator, plan, chosen), dict(trials.violations)
+    plan = replace(plan, chosen=chosen, limit_results=results, excluded=excluded)
     among = _TRIED if trials.skipped or search.objective.compared > 1 else _AMONG
-    reason = search.objective.limited_reason(
-        plan.deviation, among, margin_text(chosen.closest_approach)
-    )
-    return replace(plan, reason=reason)
+    margin = margin_text(chosen.closest_approach)
+    reason = search.objective.limited_reason(plan.deviation, among, margin)
+    return replace(plan, reason=reason, robust_radius=depth)
 
 
 def _without_candidate(plan: Plan, trials: Trials) -> Plan:
@@ -210,26 +204,18 @@ def _without_candidate(plan: Plan, trials: Trials) -> Plan:
         reason += f"; {rounded_up(stretch):.4g} times the duration suffices"
     elif trials.too_fast:
         reason += "; none of the longer durations tried suffices"
+    depth = heading_depth(trials.evaluator, plan, nearest)
     return replace(
-        plan,
-        feasible=False,
-        reason=reason,
-        chosen=nearest,
-        robust_radius=heading_depth(trials.evaluator, plan, nearest),
-        limit_results=results,
-        excluded=excluded,
-        needed_stretch=stretch,
-        stretch_candidate=start,
-    )
+        plan, feasible=False, reason=reason, chosen=nearest, limit_results=results,
+        excluded=excluded, needed_stretch=stretch, stretch_candidate=start, robust_radius=depth,
+    )  # fmt: skip
 
 
 def _reason(excluded: Mapping[str, int], results: Iterable[LimitResult], count: int) -> str:
-    """Why no candidate keeps the limits.
+    """Why no candidate keeps the limits, of a number of precise motions.
 
-    Args:
-        excluded: How many candidates violate which limit first, the most frequent one first.
-        results: Limits along the motion of the candidate that comes nearest to keeping them.
-        count: Number of precise motions.
+    Given are how many candidates violate which limit first, the most frequent one first, and the
+    limits along the motion of the candidate that comes nearest to keeping them.
     """
     violating = violated(results)
     for result in violating:

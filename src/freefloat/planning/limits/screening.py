@@ -92,12 +92,10 @@ def _clearance_deficits(
     results: BranchResults,
     entries: _Entries,
 ) -> Array:
-    """Required less actual clearance of motions at the first instant where it is too small.
+    """Required less actual clearance [m] of motions at the first instant where it is too small.
 
+    There is one for each entry of the results; zero where the clearance is kept at every instant.
     Start and end are examined first: many motions need not be integrated at all.
-
-    Returns:
-        [m], one for each entry of the results; zero where the clearance is kept at every instant.
     """
     attitudes, joints = results.attitudes[entries[0]], results.joints[entries]
     problem, every = evaluator.problem, np.arange(len(pairs.pairs))
@@ -124,10 +122,9 @@ def _clearance_deficits(
     times = np.linspace(0.0, path.duration, _INSTANTS + 2)
     for start, end in pairwise(times[:-1]):
         (left,) = np.nonzero(deficits == 0.0)
-        ensemble = evaluator.integrator.integrate(
-            attitudes[left], joints[left],
-            starts=np.full(len(left), start), ends=np.full(len(left), end),
-        )  # fmt: skip
+        states = attitudes[left], joints[left]
+        starts, ends = np.full(len(left), start), np.full(len(left), end)
+        ensemble = evaluator.integrator.integrate(*states, starts=starts, ends=ends)
         attitudes[left], joints[left] = ensemble.attitudes, ensemble.joints
         deficits[left] = deficits_at(end, ensemble.attitudes, ensemble.joints)
     return deficits

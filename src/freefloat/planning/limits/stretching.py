@@ -34,10 +34,8 @@ class Stretching:
 
         Without momentum its motion is the same, only slower. With momentum the system rotates
         farther during a longer motion, so does a tumbling body of the scene, and weights of the arm
-        remain; the factor is then one with which it was integrated.
-
-        Args:
-            attitudes: Others to try with momentum where joint rates are limited, shape (K, 4).
+        remain; the factor is then one with which it was integrated. With momentum and limits of
+        joint rates, motions from other attitudes (K, 4) are tried, too.
         """
         ranked = sorted(self._trials.too_fast, key=lambda entry: entry[0])
         for needed, simulated in ranked[:_STRETCHED]:
@@ -63,11 +61,9 @@ class Stretching:
         return problem.depends_on_timing or problem.scene.tumbles or problem.model.gravity > 0.0
 
     def _integrated_stretch(self, candidate: ScreenedCandidate, needed: float) -> float | None:
-        """Factor with which a candidate's motion, integrated again, keeps everything.
+        """Factor with which a candidate's motion, integrated again, keeps everything, if found.
 
-        Returns:
-            None where none was found; the search ends at a longer duration that does not bring the
-            motion nearer to keeping its limits.
+        The search ends at a longer duration that does not bring the motion nearer to that.
         """
         factor, share = 1.0, 1.0  # how much of what is too fast a longer duration makes slower
         for _ in range(_STRETCHES):
@@ -92,9 +88,8 @@ class Stretching:
         for _ in range(_STRETCHES):
             factor = rounded_up(factor)
             stretched = self._problem.stretched(factor)
-            evaluator = evaluator_for(
-                stretched, self._trials.evaluator.threads, self._trials.limits
-            )
+            threads, limits = self._trials.evaluator.threads, self._trials.limits
+            evaluator = evaluator_for(stretched, threads, limits)
             results = evaluator.evaluate(attitudes)
             ratios = results.motions.rate_usage(joint_rate)
             ratios[~self._problem.margin.keeps(results.margins)] = np.inf

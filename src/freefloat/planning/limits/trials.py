@@ -42,12 +42,8 @@ class Trials:
     """
 
     def __init__(self, evaluator: FeasibilityEvaluator, limits: Limits | None) -> None:
-        """Prepare the limits; without them the margin alone is compared."""
-        problem = evaluator.problem
-        self.problem = problem
-        self.evaluator = evaluator
-        self.limits = limits
-        self.checker = LimitChecker(problem, limits or Limits(clearance="off"))
+        self.problem, self.evaluator, self.limits = evaluator.problem, evaluator, limits
+        self.checker = LimitChecker(self.problem, limits or Limits(clearance="off"))
         self.violations: Counter[str] = Counter()
         self.count, self.refusal = 0, ""
         self.too_fast: list[tuple[float, SimulatedBranch]] = []
@@ -126,9 +122,8 @@ class Violations:
             late = UNFINISHED * (2.0 - motions.ended_at / problem.path.duration)
             for others in (self._attitude.ratios(motions.slacks), self._extent_ratios(motions)):
                 ratios = np.fmax(ratios, others.max(axis=-1, initial=0.0))
-        ratios = np.where(
-            completed, np.nan_to_num(ratios, nan=UNFINISHED).clip(max=UNFINISHED), late
-        )
+        ratios = np.nan_to_num(ratios, nan=UNFINISHED).clip(max=UNFINISHED)
+        ratios = np.where(completed, ratios, late)
         return np.asarray(np.where(motions.endings == UNREACHED, -np.inf, -ratios))
 
     def _extent_ratios(self, motions: EnsembleResult) -> Array:

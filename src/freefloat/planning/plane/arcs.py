@@ -12,8 +12,6 @@ import numpy as np
 
 _EQUAL = 1e-9
 """Headings closer than this are the same limit [rad]."""
-
-
 REACH, MARGIN, SEARCH = "reach", "margin", "search"
 """Causes of the end of a range besides limits of attitude: the start of the path leaves the reach,
 the margin is used up, the search or an arm branch ends."""

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from math import tau
 
 import numpy as np
@@ -90,17 +91,16 @@ class RangeChoices:
         All ranges are searched at once, on ever finer grids around the peaks of their merits.
         """
         evaluator, ranges = self._evaluator, [_inner_ends(part) for _, part in self._ranges]
+        evaluate: Callable[..., Array] = evaluator.margins
+        if merit is not None:
+            evaluate = partial(evaluator.largest, merit=merit)
         grids = [np.linspace(low, high, _TRIED) for low, high in ranges]
         spacing, steps = np.ptp(ranges, axis=1) / (_TRIED - 1), np.linspace(-1.0, 1.0, _PARTS + 1)
         while True:
             sizes = [len(grid) for grid in grids]
             branches = np.repeat([branch for branch, _ in self._ranges], sizes)
             numbers = None if evaluator.problem.redundant else branches
-            attitudes = self._plane.attitudes(np.concatenate(grids))
-            if merit is None:
-                values = evaluator.margins(attitudes, numbers)
-            else:
-                values = evaluator.largest(attitudes, numbers, merit)
+            values = evaluate(self._plane.attitudes(np.concatenate(grids)), numbers)
             merits = np.split(values, np.cumsum(sizes)[:-1])
             if spacing.max() <= _FINEST:
                 break

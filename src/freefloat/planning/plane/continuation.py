@@ -9,8 +9,7 @@ import numpy as np
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.ensemble.result import BranchResults, EnsembleResult
 from freefloat.ik.nearest import newton_solutions
-from freefloat.planning.searches.pattern_search import Flags
-from freefloat.so3 import Array, rotated
+from freefloat.so3 import Array, BoolArray, rotated
 
 _NEARBY = np.geomspace(1e-4, 0.25, 40)
 """Angles to the attitudes nearby whose configurations are tried [rad]."""
@@ -26,9 +25,8 @@ def _continued_motions(
     exist = np.asarray(np.isfinite(starts).all(axis=1))
     table = EnsembleResult.empty(exist.shape, starts.shape[1], evaluator.limits.number)
     threshold = problem.margin.threshold
-    table.assign(
-        exist, evaluator.integrator.integrate(attitudes[exist], starts[exist], stop_below=threshold)
-    )
+    states = attitudes[exist], starts[exist]
+    table.assign(exist, evaluator.integrator.integrate(*states, stop_below=threshold))
     return starts, table
 
 
@@ -52,9 +50,8 @@ class FollowedStarts:
         above = np.searchsorted(self._headings, headings % tau) % len(self._headings)
         near = np.concatenate([self._joints[above - 1], self._joints[above]], axis=1)
         attitudes = self._evaluator.problem.plane.attitudes(np.repeat(headings, near.shape[1]))
-        starts, flat = _continued_motions(
-            self._evaluator, attitudes, near.reshape(-1, near.shape[2])
-        )
+        each = near.reshape(-1, near.shape[2])
+        starts, flat = _continued_motions(self._evaluator, attitudes, each)
         shape = near.shape[:2]
         motions = EnsembleResult._make(v.reshape(*shape, *v.shape[1:]) for v in flat)
         self._add(headings, starts.reshape(near.shape), motions)
@@ -73,7 +70,7 @@ class FollowedStarts:
         self._joints = np.concatenate([self._joints, starts])[order]
 
 
-def keeps_from_nearby(evaluator: FeasibilityEvaluator, attitude: Array) -> Flags:
+def keeps_from_nearby(evaluator: FeasibilityEvaluator, attitude: Array) -> BoolArray:
     """Which configurations near those tried at attitudes nearby keep the margin, shape (M,).
 
     For attitudes (4,) at which none of those tried there does.

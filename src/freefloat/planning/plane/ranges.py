@@ -95,17 +95,11 @@ def limits_of_spans(
     """The limits of :func:`find_range_limits` for several spans, which share their motions."""
     level = _level(problem)
     points = {span: planar_touch_points(problem, level, span) for span in spans}
-    pairs = list(dict.fromkeys(
-        (point, end) for span, on_span in points.items() for point in on_span for end in span
-    ))  # fmt: skip
+    ends = ((point, end) for span, on_span in points.items() for point in on_span for end in span)
+    pairs = list(dict.fromkeys(ends))
     results = _integrated(problem, [_from_touch_point(point, end) for point, end in pairs])
-    headings = {
-        pair: problem.plane.heading(attitude)
-        for pair, attitude, keeps in zip(
-            pairs, results.attitudes, results.keeps(level), strict=True
-        )
-        if keeps
-    }
+    entries = zip(pairs, results.attitudes, results.keeps(level), strict=True)
+    headings = {pair: problem.plane.heading(attitude) for pair, attitude, keeps in entries if keeps}
     return {
         (start, end): tuple(
             RangeLimit(point, headings[point, start], headings[point, end])
@@ -136,10 +130,8 @@ def _integrated(problem: Problem, motions: list[_Planned]) -> EnsembleResult:
     """Results of some motions."""
     columns = list(zip(*motions, strict=True)) or [()] * 4
     attitudes, joints, starts, ends = (np.array(column, dtype=float) for column in columns)
-    return _integrator(problem).integrate(
-        attitudes.reshape(-1, 4), joints.reshape(-1, problem.model.arm_dof),
-        starts=starts, ends=ends,
-    )  # fmt: skip
+    states = attitudes.reshape(-1, 4), joints.reshape(-1, problem.model.arm_dof)
+    return _integrator(problem).integrate(*states, starts=starts, ends=ends)
 
 
 def heading_ranges(
@@ -175,16 +167,13 @@ def heading_ranges(
         heading = problem.plane.heading(attitude)
         edges.append((heading, _branch_of(problem, heading, joints, at), MARGIN))
 
-    arcs = [
-        list(arcs_between(sorted(
-            (heading, cause) for heading, branch, cause in edges if branch in (index, None)
-        ))) for index in range(len(_LABELS))
-    ]  # fmt: skip
+    arcs = []
+    for index in range(len(_LABELS)):
+        own = ((heading, cause) for heading, branch, cause in edges if branch in (index, None))
+        arcs.append(list(arcs_between(sorted(own))))
     feasible = _feasible_arcs(problem, arcs, span, at, domain)
-    return tuple(
-        branch_ranges(index, label, arcs[index], feasible[index])
-        for index, label in enumerate(_LABELS)
-    )
+    entries = enumerate(zip(_LABELS, arcs, feasible, strict=True))
+    return tuple(branch_ranges(index, *entry) for index, entry in entries)
 
 
 def _feasible_arcs(
@@ -210,9 +199,8 @@ def _feasible_arcs(
 def _branch_of(problem: Problem, heading: float, joints: Array, at: float) -> int | None:
     """The number of the branch with these joints; None where branches meet."""
     branches = problem.branches(problem.plane.attitudes(heading), at)
-    near = [
-        b.index for b in branches if problem.model.joint_distance(b.joints, joints) < _SAME_BRANCH
-    ]
+    distance = problem.model.joint_distance
+    near = [b.index for b in branches if distance(b.joints, joints) < _SAME_BRANCH]
     return near[0] if len(near) == 1 else None
 
 

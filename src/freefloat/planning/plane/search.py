@@ -32,10 +32,9 @@ from freefloat.planning.plane.arcs import (
 from freefloat.planning.plane.continuation import FollowedStarts
 from freefloat.planning.plane.ranges import reach_limits
 from freefloat.planning.searches.line_search import Function, LineSamples, resolved
-from freefloat.planning.searches.pattern_search import Flags
 from freefloat.planning.settings import SearchDomain, branch_changes
 from freefloat.regions.planar_regions import has_two_angle_form
-from freefloat.so3 import Array, IntArray, wrapped
+from freefloat.so3 import Array, BoolArray, IntArray, wrapped
 
 _NEAR_REACH = 1e-6
 """Distance from the limits of the reach at which headings are added [rad]."""
@@ -102,7 +101,7 @@ def searched_ranges(
         attitudes, stop = problem.plane.attitudes(headings), problem.redundant
         return evaluator.motions(attitudes, indices[columns], stop_at_margin=stop)
 
-    def within(headings: Array, columns: IntArray) -> tuple[Array, Flags]:
+    def within(headings: Array, columns: IntArray) -> tuple[Array, BoolArray]:
         slacks, kept = _slacks(problem, motions(headings, columns))
         return slacks, kept & domain.contains(problem.plane.attitudes(headings))
 
@@ -139,7 +138,7 @@ def depth_of_start(evaluator: FeasibilityEvaluator, heading: float, domain: Sear
     The evaluator is that of a redundant arm with ``start_joints``.
     """
 
-    def within(headings: Array, columns: IntArray) -> tuple[Array, Flags]:
+    def within(headings: Array, columns: IntArray) -> tuple[Array, BoolArray]:
         attitudes = evaluator.problem.plane.attitudes(headings)
         slacks, kept = _slacks(evaluator.problem, evaluator.motions(attitudes, columns))
         return slacks, kept & domain.contains(attitudes)
@@ -150,7 +149,7 @@ def depth_of_start(evaluator: FeasibilityEvaluator, heading: float, domain: Sear
     return float(np.abs(line.points[~line.kept] - heading).min(initial=np.pi))
 
 
-def _follow(function: Function, headings: Array, slacks: Array, kept: Flags) -> None:
+def _follow(function: Function, headings: Array, slacks: Array, kept: BoolArray) -> None:
     """Follow configurations to the samples beside feasible ones, in place, as far as they are."""
     while True:
         (beside,) = np.nonzero(~kept & (np.roll(kept, 1) | np.roll(kept, -1)))
@@ -161,12 +160,10 @@ def _follow(function: Function, headings: Array, slacks: Array, kept: Flags) -> 
             return
 
 
-def _slacks(problem: Problem, motions: EnsembleResult) -> tuple[Array, Flags]:
+def _slacks(problem: Problem, motions: EnsembleResult) -> tuple[Array, BoolArray]:
     """Slacks of margin and det S* of the best of B motions each, and whether it is feasible.
 
-    Args:
-        problem: The problem.
-        motions: Arrays of leading shape (K, B).
+    The motions are arrays of leading shape (K, B).
     """
     threshold = problem.margin.threshold
     kept = motions.keeps(threshold)
@@ -251,9 +248,7 @@ def _beside_changes(problem: Problem) -> list[float]:
     headings = np.arange(_SCANNED) * (tau / _SCANNED)
     branches = problem.many_branches(problem.plane.attitudes(headings))
     joints, exist = branches.joints, branches.exist
-    both = exist & np.roll(exist, -1, axis=0)
-    jumps = np.where(
-        both, problem.model.joint_distance(joints, np.roll(joints, -1, axis=0)) > _JUMP, False
-    )
-    changed = (jumps | (exist != np.roll(exist, -1, axis=0))).any(axis=1)
+    next_joints, next_exist = np.roll(joints, -1, axis=0), np.roll(exist, -1, axis=0)
+    jumps = exist & next_exist & (problem.model.joint_distance(joints, next_joints) > _JUMP)
+    changed = (jumps | (exist != next_exist)).any(axis=1)
     return [*headings[changed], *np.roll(headings, -1)[changed]]

@@ -17,7 +17,7 @@ from freefloat.ensemble.feasibility import is_kept
 from freefloat.planning.candidates import SearchEffort
 from freefloat.planning.searches import pattern_search
 from freefloat.planning.searches.pattern_search import Clouds, Searches, shortened, spread
-from freefloat.so3 import Array, IntArray, frozen
+from freefloat.so3 import Array, BoolArray, IntArray, frozen
 
 _ON_SPHERE = 0.5
 """Fraction of the sampled deviations that lie on the sphere."""
@@ -159,9 +159,8 @@ class _Balls(Clouds):
         vectors = shortened(vectors, self.radius)
         return vectors, np.linalg.norm(vectors - points[:, None], axis=2)
 
-    def superseded(self, searches: Searches, sizes: Array) -> pattern_search.Flags:
+    def superseded(self, searches: Searches, sizes: Array) -> BoolArray:
         """See :class:`.Clouds`: those near a better one."""
         distances = np.linalg.norm(searches.points[:, None] - searches.points, axis=2)
-        return np.asarray(
-            (searches.better & (distances < _SAME_POINT * sizes[:, None])).any(axis=1)
-        )
+        near = distances < _SAME_POINT * sizes[:, None]
+        return np.asarray((searches.better & near).any(axis=1))

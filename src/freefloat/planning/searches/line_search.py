@@ -15,8 +15,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from freefloat.planning.searches.pattern_search import Flags
-from freefloat.so3 import Array, IntArray
+from freefloat.so3 import Array, BoolArray, IntArray
 
 _PARTS = 4
 """Parts of an interval that is divided."""
@@ -26,7 +25,7 @@ _SECTIONS = 8
 """Parts of an interval that is bisected."""
 _ROUNDS = 6
 """Rounds of divisions and bisections, at most."""
-Function = Callable[[Array, IntArray], tuple[Array, Flags]]
+Function = Callable[[Array, IntArray], tuple[Array, BoolArray]]
 """Slacks (M, R) at points (M,) of the lines of these numbers (M,), and which are kept, (M,)."""
 
 
@@ -43,18 +42,15 @@ class LineSamples:
 
     points: Array
     slacks: Array
-    kept: Flags
+    kept: BoolArray
 
-    def and_others(self, points: Array, slacks: Array, kept: Flags) -> LineSamples:
+    def and_others(self, points: Array, slacks: Array, kept: BoolArray) -> LineSamples:
         """These and other samples, which replace those at the same points."""
         together = np.concatenate([self.points, points])
         order = np.argsort(together, kind="stable")
         order = order[np.append(np.diff(together[order]) > 0.0, True)]
-        both = (
-            np.concatenate([self.slacks, slacks])[order],
-            np.concatenate([self.kept, kept])[order],
-        )
-        return LineSamples(together[order], *both)
+        slacks, kept = np.concatenate([self.slacks, slacks]), np.concatenate([self.kept, kept])
+        return LineSamples(together[order], slacks[order], kept[order])
 
     def divided(self, widest: float, finest: float, flattest: float) -> Array:
         """Points that divide intervals in which a requirement may change, shape (M,).
@@ -75,7 +71,7 @@ class LineSamples:
         steps = np.arange(1, _PARTS) / _PARTS
         return (self.points[:-1][chosen, None] + widths[chosen, None] * steps).ravel()
 
-    def _beside_maximum(self) -> Flags:
+    def _beside_maximum(self) -> BoolArray:
         """Intervals beside violated maxima that may rise above the first requirement, (K - 1)."""
         first = self.slacks[:, 0]
         before, after = np.diff(first)[:-1], -np.diff(first)[1:]
@@ -83,7 +79,7 @@ class LineSamples:
         peak &= (first[1:-1] + np.maximum(before, after) > 0.0) & (first[1:-1] > first.min())
         return np.asarray(np.append(peak, False) | np.append(False, peak))
 
-    def _next_to_minimum(self) -> Flags:
+    def _next_to_minimum(self) -> BoolArray:
         """Whether an end of an interval is a local minimum of a requirement, (K - 1, R)."""
         inner = self.slacks[1:-1]
         lowest = np.zeros(self.slacks.shape, bool)

@@ -11,11 +11,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 import scipy
 
 from freefloat.attitude_grids import low_discrepancy, sphere_directions
-from freefloat.so3 import Array, IntArray, angle_between, rotated, rotation_vector_to
+from freefloat.so3 import Array, BoolArray, IntArray, angle_between, rotated, rotation_vector_to
 
 _GROWTH, _RATIOS = 2.0, (0.2, 1.5)
 """Size of a pattern in units of the last step, and limits of its ratio to the size of the last."""
@@ -40,10 +39,9 @@ _LARGEST = 0.6
 _FINEST = 4e-3
 """Angle of the smallest cones [rad]; a length is flat at its minimum."""
 
-Flags = npt.NDArray[np.bool_]
 Merit = Callable[[Array, IntArray], Array]
 """Merits (M,) of points (M, D), each of the search of that number (M,)."""
-Member = Callable[[Array, IntArray], Flags]
+Member = Callable[[Array, IntArray], BoolArray]
 """Which vectors (M, 3), each of the search of that number (M,), belong to a set, shape (M,)."""
 
 
@@ -62,7 +60,7 @@ class Searches:
     groups: IntArray
 
     @property
-    def better(self) -> Flags:
+    def better(self) -> BoolArray:
         """Whether search k has less merit than search l of the same group, shape (K, K)."""
         same = self.groups[:, None] == self.groups
         return np.asarray(same & (self.merits[:, None] < self.merits))
@@ -95,7 +93,7 @@ class Clouds:
         attitudes = rotated(np.repeat(points, _CLOUD, axis=0), vectors.reshape(-1, 3))
         return attitudes.reshape(len(points), _CLOUD, 4), np.linalg.norm(vectors, axis=2)
 
-    def superseded(self, searches: Searches, sizes: Array) -> Flags:
+    def superseded(self, searches: Searches, sizes: Array) -> BoolArray:
         """Searches that may end, near better ones, with patterns of sizes (K,), shape (K,)."""
         angles = angle_between(searches.points[:, None], searches.points)
         return np.asarray((searches.better & (angles < _SAME_POINT * sizes[:, None])).any(axis=1))
@@ -143,7 +141,7 @@ class ConePattern(Clouds):
         steps = np.maximum(angles[:, :, None], reductions[:, None])
         return vectors.reshape(len(points), -1, 3), steps.reshape(len(points), -1)
 
-    def superseded(self, searches: Searches, sizes: Array) -> Flags:
+    def superseded(self, searches: Searches, sizes: Array) -> BoolArray:
         """See :class:`Clouds`: those near a better one, or too long to become as short."""
         lengths = np.linalg.norm(searches.points, axis=1)
         units = searches.points / lengths[:, None]
@@ -239,7 +237,7 @@ def nearest_among(others: Array, threads: int = 1) -> Callable[[Array], tuple[Ar
     return nearest
 
 
-def depths(attitudes: Array, inside: npt.NDArray[np.bool_], threads: int = 1) -> Array:
+def depths(attitudes: Array, inside: BoolArray, threads: int = 1) -> Array:
     """Angle [rad] from each attitude inside to the nearest outside, pi if there is none; (K,)."""
     if inside.all():
         return np.full(len(attitudes), np.pi)

@@ -13,7 +13,6 @@ from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.ensemble.result import EnsembleResult
 from freefloat.limits.limits import Limits
 from freefloat.planning.candidates import Ball, Candidate, NearAttitude, Peak, ScoredAttitude
-from freefloat.planning.searches.pattern_search import Flags
 from freefloat.planning.settings import Search, SearchDomain
 from freefloat.planning.space.attitude_map import AttitudeMap
 from freefloat.planning.space.climbing import (
@@ -26,7 +25,7 @@ from freefloat.planning.space.climbing import (
 )
 from freefloat.planning.space.deepest_ball import deepest
 from freefloat.planning.space.tolerances import robust_radius
-from freefloat.so3 import Array, IntArray, angle_between, rotated
+from freefloat.so3 import Array, BoolArray, IntArray, angle_between, rotated
 
 _STARTS = 12
 """Samples from which attitudes of larger merit are searched for."""
@@ -105,12 +104,8 @@ class SampledChoices:
         centres: list[Candidate] = [*self.present()]
         if deep is None:
             centres += feasible_peaks(evaluator, samples)
-        balls = [
-            Ball(
-                c.attitude, c.branch,
-                robust_radius(evaluator, c.attitude, c.branch, samples.spacing),
-            ) for c in centres
-        ]  # fmt: skip
+        radius = partial(robust_radius, evaluator, reach=samples.spacing)
+        balls = [Ball(c.attitude, c.branch, radius(c.attitude, c.branch)) for c in centres]
         balls += [] if deep is None else [deep]
         return sorted(balls, key=lambda ball: -ball.radius)
 
@@ -165,10 +160,8 @@ def nearest_with_spare(
 ) -> list[NearAttitude]:
     """The attitude near a target that keeps the margin within an angle ``spare`` [rad] around it.
 
-    There all singularities are avoided, also those at which the measure does not vanish.
-
-    Returns:
-        The nearest attitude found; empty where none is.
+    There all singularities are avoided, also those at which the measure does not vanish. Empty
+    where no such attitude was found.
     """
     domain = samples.search.domain
     best: NearAttitude | None = None
@@ -237,9 +230,8 @@ def _centre_nearby(
         centre = _refined(centres[0], partial(apart, outside=outside), target, radius)
         directions = even_directions(_FEW * number)[-_FEW:]
         tried = np.vstack([centre, _separate(centres, centre, radius / 2.0)])
-        ball = rotated(
-            np.repeat(tried, _FEW, axis=0), radius * np.tile(directions, (len(tried), 1))
-        )
+        vectors = radius * np.tile(directions, (len(tried), 1))
+        ball = rotated(np.repeat(tried, _FEW, axis=0), vectors)
         failed = ~evaluator.regular(ball, branch)
         new = ball[failed]
         if not failed[:_FEW].any():
@@ -263,7 +255,9 @@ def _separate(centres: Array, first: Array, angle: float) -> Array:
     return np.reshape(chosen, (-1, 4))
 
 
-def _apart(attitudes: Array, *, place: Array, reach: float, outside: Array, angle: float) -> Flags:
+def _apart(
+    attitudes: Array, *, place: Array, reach: float, outside: Array, angle: float
+) -> BoolArray:
     """Which attitudes are within reach of a place and at an angle or more from all outside."""
     cosines = np.abs(attitudes @ outside.T).max(axis=1, initial=0.0)
     near = angle_between(attitudes, place) <= reach

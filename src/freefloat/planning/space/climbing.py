@@ -14,14 +14,13 @@ from freefloat.planning.candidates import Candidate, NearAttitude, Peak, ScoredA
 from freefloat.planning.searches.pattern_search import (
     ROUNDS,
     Clouds,
-    Flags,
     Searches,
     pattern_search,
     shortest,
 )
 from freefloat.planning.settings import SearchDomain
 from freefloat.planning.space.attitude_map import AttitudeMap
-from freefloat.so3 import Array, IntArray, angle_between, rotated, rotation_vector_to
+from freefloat.so3 import Array, BoolArray, IntArray, angle_between, rotated, rotation_vector_to
 
 _CLIMBS, _FEW = 16, 3
 """Samples to climb from, and the number of clouds of these climbs."""
@@ -40,7 +39,7 @@ _APART, _AROUND, _MANY = np.radians(0.5), 256, 0.05
 """Distance of attitudes that are not the same optimum [rad], how many around it are tried, and the
 fraction of them with which it is not unique."""
 
-Inside = Callable[[Array], Flags]
+Inside = Callable[[Array], BoolArray]
 """Whether attitudes (K, 4) belong to a set, shape (K,)."""
 
 
@@ -206,7 +205,7 @@ def _nearest(
     """Starts moved along their branches to the nearest attitudes certain to be feasible."""
     domain, branches = samples.search.domain, branch_numbers(starts)
 
-    def member(vectors: Array, searched: IntArray) -> Flags:
+    def member(vectors: Array, searched: IntArray) -> BoolArray:
         attitudes = rotated(target, vectors)
         numbers = None if branches is None else branches[searched]
         return evaluator.keeps(attitudes, numbers, _CERTAIN) & domain.contains(attitudes)

@@ -178,10 +178,8 @@ def deepest(
 ) -> Ball | None:
     """The centre of the largest ball of attitudes inside the feasible set of one branch.
 
-    Known points of the boundary and samples outside limit every ball.
-
-    Returns:
-        None where no sample is feasible and avoids all singularities.
+    Known points of the boundary and samples outside limit every ball. None where no sample is
+    feasible and avoids all singularities.
     """
     limits: dict[int | None, _Outside] = {}
     probed: list[Ball] = []

@@ -25,7 +25,7 @@ from freefloat.motion.problem import Problem, require_problem
 from freefloat.planning.candidates import BoundaryPoint
 from freefloat.planning.margin_map import HeadingMap
 from freefloat.planning.motions import evaluator_for
-from freefloat.planning.searches.pattern_search import Flags, nearest_among
+from freefloat.planning.searches.pattern_search import nearest_among
 from freefloat.planning.settings import FEWEST_SAMPLES, HEADINGS, Search
 from freefloat.planning.space.attitude_map import AttitudeMap, find_regions
 from freefloat.planning.space.climbing import feasible_peaks, nearest_feasible
@@ -35,7 +35,7 @@ from freefloat.planning.touching.touch_points import (
     require_touch_points,
     sample_touch_points,
 )
-from freefloat.so3 import Array, angle_between, frozen, rotated, rotation_vector_to
+from freefloat.so3 import Array, BoolArray, angle_between, frozen, rotated, rotation_vector_to
 
 _ATTITUDES = 36_864
 """Default number of samples of a map in space."""
@@ -121,10 +121,8 @@ def attitude_map(
         require_touch_points(problem)
         require_memory("touch", touch, _POINT_SIZE)
     evaluator = evaluator_for(problem, threads, limits)
-    sampled = sample_attitudes(
-        evaluator, _ATTITUDES if samples is None else samples, search,
-        step_of(progress, 0.0, _SAMPLING),
-    )  # fmt: skip
+    count = _ATTITUDES if samples is None else samples
+    sampled = sample_attitudes(evaluator, count, search, step_of(progress, 0.0, _SAMPLING))
     points = tangent_boundary(evaluator, touch, search) if touch else ()
     near = () if target is None else nearest_feasible(evaluator, sampled, target)
     result = replace(
@@ -167,10 +165,8 @@ def sample_headings(
     attitudes = frozen(evaluator.problem.plane.attitudes(headings))
     results = evaluator.evaluate(attitudes, progress=progress)
     branches = np.flatnonzero(results.exist.any(axis=0))
-    numbers = tuple(branches.tolist())
-    return HeadingMap(
-        evaluator.problem, results.columns(branches), headings, numbers, search=search
-    )
+    columns, numbers = results.columns(branches), tuple(branches.tolist())
+    return HeadingMap(evaluator.problem, columns, headings, numbers, search=search)
 
 
 def sample_attitudes(
@@ -230,7 +226,7 @@ def boundary_points(
     return tuple(points)
 
 
-def bisect(inside: Callable[[Array], Flags], within: Array, beyond: Array) -> Array:
+def bisect(inside: Callable[[Array], BoolArray], within: Array, beyond: Array) -> Array:
     """Where geodesics from attitudes inside a set to others outside leave it, just inside, (K, 4).
 
     Each round leaves an eighth of the distance.
@@ -264,9 +260,8 @@ def tangent_boundary(
     problem, search = evaluator.problem, search or Search()
     points: list[BoundaryPoint] = []
     for batch in range(_BATCHES):
-        for touch_point in sample_touch_points(
-            problem, _SPARE * (count - len(points)), search.seed + batch
-        ):
+        tried = _SPARE * (count - len(points))
+        for touch_point in sample_touch_points(problem, tried, search.seed + batch):
             start = boundary_attitude(problem, touch_point)
             if start is None or not search.domain.contains(start.attitude):
                 continue

@@ -31,9 +31,8 @@ from freefloat.planning.searches.adversary import (
     shortest_length,
 )
 from freefloat.planning.searches.line_search import Function, LineSamples, resolved
-from freefloat.planning.searches.pattern_search import Flags
 from freefloat.planning.space.climbing import branch_numbers
-from freefloat.so3 import Array, IntArray, rotated, rotation_vector_to
+from freefloat.so3 import Array, BoolArray, IntArray, rotated, rotation_vector_to
 
 if TYPE_CHECKING:
     from freefloat.ensemble.integrators import Integrator
@@ -89,7 +88,7 @@ class NearbyAttitudes:
         branches = None if self.branches is None else self.branches[numbers]
         return rotated(self.attitudes[numbers], vectors), branches
 
-    def outside(self, vectors: Array, numbers: IntArray) -> Flags:
+    def outside(self, vectors: Array, numbers: IntArray) -> BoolArray:
         """Whether the attitudes of those numbers, rotated, are outside, shape (M,)."""
         return ~self.evaluator.regular(*self.rotated(vectors, numbers))
 
@@ -130,10 +129,8 @@ def radius_around(evaluator: FeasibilityEvaluator, chosen: SimulatedBranch, reac
 
 def confirmed(evaluator: FeasibilityEvaluator, ball: Ball) -> Ball:
     """The ball, made smaller where attitudes in it or just beyond it are outside."""
-    around = NearbyAttitudes.of(evaluator, [ball])
-    radius = confirmed_radius(
-        around.regularity, CAUTION * ball.radius, EFFORT, _SMALLEST, most=np.pi
-    )
+    around, radius = NearbyAttitudes.of(evaluator, [ball]), CAUTION * ball.radius
+    radius = confirmed_radius(around.regularity, radius, EFFORT, _SMALLEST, most=np.pi)
     return replace(ball, radius=radius)
 
 
@@ -141,12 +138,8 @@ def tolerance(integrator: Integrator, attitude: Array, joints: Array) -> Toleran
     """Largest deviations of momentum and duration with which a motion keeps its margin.
 
     A motion is the same at another speed with the momentum, that of wheels, and the drift scaled by
-    the same factor (8): a duration changed by a factor is equivalent to these changed by it.
-
-    Args:
-        integrator: For the problem.
-        attitude: Initial attitude of the spacecraft, quaternion x, y, z, w.
-        joints: Initial joint values, shape (n,).
+    the same factor (8): a duration changed by a factor is equivalent to these changed by it. The
+    motion begins with an attitude, a quaternion x, y, z, w, and joints (n,).
     """
     problem = integrator.problem
     h, wheels, drift = problem.momentum, problem.wheel_momentum, problem.path.drift
@@ -157,7 +150,7 @@ def tolerance(integrator: Integrator, attitude: Array, joints: Array) -> Toleran
         states = np.broadcast_to(attitude, (K, 4)), np.broadcast_to(joints, (K, len(joints)))
         return integrator.integrate(*states, Systems(momenta, wheels, drifts), stop_below=threshold)
 
-    def scaled(powers: Array, _: IntArray) -> tuple[Array, Flags]:
+    def scaled(powers: Array, _: IntArray) -> tuple[Array, BoolArray]:
         factors = np.exp(powers)[:, None]
         result = motions(factors * h, factors * wheels, factors * drift)
         values = regularity(result, threshold)

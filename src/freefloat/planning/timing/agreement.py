@@ -68,11 +68,8 @@ def agreeing_plan(
             moved, results, too_fast = slowed(problem, fastest, limits, trials, _LITTLE)
             too_fast = too_fast and settled
             if moved.verdict(results).feasible and settled:
-                held = plan_held(
-                    (moved, results), search=plan.search, limits=limits, threads=threads,
-                    progress=step,
-                )  # fmt: skip
-                return held, True
+                held = partial(plan_held, search=plan.search, threads=threads, progress=step)
+                return held((moved, results), limits=limits), True
             if moved.verdict(results).feasible:
                 chosen = moved
                 continue

@@ -88,10 +88,8 @@ class _SplineLimits:
 def smooth_speeds(motion: Motion, limits: Limits, scale: float = 1.0) -> Speeds:
     """Rows of times, speeds and accelerations of s; none where no timing keeps the limits.
 
-    Args:
-        motion: Motion from rest to rest along the whole path.
-        limits: Limits with ``joint_jerk``.
-        scale: Factor on the limits.
+    The motion leads from rest to rest along the whole path, the limits have ``joint_jerk``, and the
+    scale is a factor on them.
     """
     spline = _all_splines()
     known = _limits_of(PathLimits(motion, limits, scale), spline)
@@ -156,10 +154,8 @@ def _limits_of(path_limits: PathLimits, splines: scipy.interpolate.BSpline) -> _
     )  # fmt: skip
     place = np.repeat(np.arange(len(s)), jerks.left.shape[1])
     limited, jerky = np.isfinite(bounds), np.isfinite(jerks.left.ravel())
-    return _SplineLimits(
-        y, linear[limited], bounds[limited],
-        jerk[jerky], jerks.left.ravel()[jerky], place[jerky],
-    )  # fmt: skip
+    of_jerks = jerk[jerky], jerks.left.ravel()[jerky], place[jerky]
+    return _SplineLimits(y, linear[limited], bounds[limited], *of_jerks)
 
 
 def _speeds(spline: scipy.interpolate.BSpline) -> Speeds:

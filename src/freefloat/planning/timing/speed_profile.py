@@ -42,8 +42,6 @@ _GROWTH = 1.5
 rates alone: where a rate passes zero, they allow a peak so narrow that no motion is like it."""
 _NEARLY_STILL = 1e-6
 """Squared speed at a knot, over that at the next, where the linear program takes zero."""
-
-
 _CONSIDERED = tuple(
     kind.name
     for kind in (

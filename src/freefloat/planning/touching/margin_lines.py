@@ -177,9 +177,8 @@ def margin_lines(
         may overlap.
     """
     q3 = np.linspace(-np.pi, np.pi, _ELBOWS)
-    wrists, points = (
-        np.linalg.norm(v, axis=1) for v in (on_path.wrist(q3), on_path.path.positions)
-    )
+    wrists = np.linalg.norm(on_path.wrist(q3), axis=1)
+    points = np.linalg.norm(on_path.path.positions, axis=1)
     generator = contour_generator(on_path.path.times, q3, wrists[:, None] - points[None, :])
     for arc in generator.lines(0.0):
         if on_path.measure.name == "arm":

@@ -115,11 +115,7 @@ def _refined(
 ) -> Iterator[TouchPoint]:
     """Minima that solve S = S0, (28) and dS/dt = 0 to rounding, by Newton steps from all starts.
 
-    Args:
-        candidates: States on the path.
-        level: Value of S of each start, shape (K,).
-        q: First two joints of the starts [rad], shape (K, 2).
-        t: Their times [s], shape (K,).
+    Starts have levels of S (K,), first two joints (K, 2) [rad] and times (K,) [s].
     """
     duration = candidates.duration
     slopes = np.abs(candidates.slope(q, candidates.path_at(t)))
@@ -153,10 +149,8 @@ def _point(
     angles = candidates.angles(q, candidates.path_at(t))
     joints = wrapped(candidates.arm.signs * np.diff(angles))
     heading = float(angles[0] % (2.0 * np.pi))
-    attitude = candidates.plane.attitudes(heading)
-    return TouchPoint(
-        kind, t, candidates.timing.s(t), level, frozen(attitude), frozen(joints), heading
-    )
+    s, attitude = candidates.timing.s(t), candidates.plane.attitudes(heading)
+    return TouchPoint(kind, t, s, level, frozen(attitude), frozen(joints), heading)
 
 
 def _same(point: TouchPoint, other: TouchPoint) -> bool:
@@ -201,10 +195,8 @@ class PlanarCandidates:
     def __init__(self, problem: Problem, level: float) -> None:
         self.arm = PlanarArm.of(problem.model)
         self.curves = level_curves(self.arm, level, -level)
-        self.duration = problem.path.duration
-        self._problem = problem
-        self.timing = problem.path.timing
-        self.plane = problem.plane
+        self._problem, self.plane = problem, problem.plane
+        self.duration, self.timing = problem.path.duration, problem.path.timing
         self._virtual = VirtualManipulator.of(problem.model)
         self._zero = self._virtual.pose(np.zeros(problem.model.dof)).rotation
         self._momentum = float(self.plane.normal @ (problem.momentum - problem.wheel_momentum))

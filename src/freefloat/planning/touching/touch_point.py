@@ -73,8 +73,7 @@ def touches(smallest: float, level: float) -> bool:
 def motion_through(problem: Problem, point: TouchPoint, span: tuple[float, float]) -> Motion | None:
     """The motion that passes a touch point, from the first to the last time of a span [s].
 
-    Returns:
-        None where it is singular before the touch point.
+    None where it is singular before the touch point.
     """
     attitude, joints, (start, end) = point.attitude, point.joints, span
     if point.time > start:

@@ -152,10 +152,8 @@ def require_touch_point_arm(problem: Problem) -> None:
     arm = "six revolute joints, the second and third parallel, the last three intersecting"
     problem.model.require_one_arm("touch points")
     if problem.task is not Task.POSE:
-        raise InputError(
-            "task", f"{problem.task} has no touch points in space",
-            f"pose, with {arm}; the plan of a planar task has its touch points",
-        )  # fmt: skip
+        accepted = f"pose, with {arm}; the plan of a planar task has its touch points"
+        raise InputError("task", f"{problem.task} has no touch points in space", accepted)
     if not VirtualManipulator.of(problem.model).has_elbow_and_spherical_wrist:
         raise InputError("robot", "the arm has no elbow and spherical wrist", arm)
 
@@ -164,9 +162,8 @@ def require_touch_points(problem: Problem) -> None:
     """Raise an InputError unless a problem can have touch points of its margin."""
     require_touch_point_arm(problem)
     if problem.margin.threshold == 0.0:
-        raise InputError(
-            "touch", "the margin is zero, no motion is tangent to it", "a margin other than zero"
-        )
+        reason = "the margin is zero, no motion is tangent to it"
+        raise InputError("touch", reason, "a margin other than zero")
 
 
 def tangent_points(
