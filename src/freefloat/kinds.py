@@ -13,7 +13,7 @@ READERS = {"xacro": "freefloat.beyond.formats.xacro", "mjcf": "freefloat.beyond.
 """Modules whose function ``read`` returns the URDF of a file."""
 SRDF = "beyond.formats.srdf:add_pairs"
 """Adds the pairs of an SRDF file to a robot."""
-ENGINES = {"mujoco": "beyond.engines.engine_runs:MuJoCo"}
+ENGINES = {"mujoco": "beyond.engines.mujoco:MuJoCo"}
 """Classes of other engines that repeat motions, by the name of the engine and of its extra."""
 
 
@@ -57,7 +57,7 @@ class SectionKind:
 
 SECTIONS = {
     "goal": SectionKind(
-        "beyond.missions.goal_section:GoalSection", "beyond.missions.posed:PosedGoal"
+        "beyond.missions.phase_section:GoalSection", "beyond.missions.posed:PosedGoal"
     ),
     "phases": SectionKind(
         "beyond.missions.phase_section:PhaseSection",
@@ -111,15 +111,15 @@ RESULT_KINDS = {
         "cli.simulate:simulation_tables",
     ),
     "goal": ResultKind(
-        "beyond.missions.goals.goal_motion:GoalMotion", "beyond.missions.figures:goal_figures",
-        "beyond.missions.scenes:goal_scene", "beyond.missions.goal_verification:goal_report",
+        "beyond.missions.goals.goal_motion:GoalMotion", "beyond.missions.pictures:goal_figures",
+        "beyond.missions.pictures:goal_scene", "beyond.missions.manoeuvre_verification:goal_report",
         "beyond.missions.values:goal_values", "beyond.missions.tables:goal_tables",
-        "beyond.missions.goal_files:decode_goal",
-        scenario="beyond.missions.goal_files:goal_scenario",
+        "beyond.missions.manoeuvre_files:decode_goal",
+        scenario="beyond.missions.manoeuvre_files:goal_scenario",
     ),
     "manoeuvre": ResultKind(
-        "beyond.missions.phases.manoeuvre:Manoeuvre", "beyond.missions.figures:manoeuvre_figures",
-        "beyond.missions.scenes:manoeuvre_scene",
+        "beyond.missions.phases.manoeuvre:Manoeuvre",
+        "beyond.missions.pictures:manoeuvre_figures", "beyond.missions.pictures:manoeuvre_scene",
         "beyond.missions.manoeuvre_verification:manoeuvre_report",
         "beyond.missions.values:manoeuvre_values", "beyond.missions.tables:manoeuvre_tables",
         "beyond.missions.manoeuvre_files:decode_manoeuvre", "beyond.missions.manoeuvre_files:CODEC",

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 import freefloat as ff
-from freefloat.beyond.engines.measure_values import MeasureValues
-from freefloat.beyond.engines.rate_commands import RateCommands
+from freefloat.beyond.engines.rate_commands import MeasureValues, RateCommands
 from freefloat.dynamics.momentum import mass_matrix
 from tests.motions import bundled, from_here
 from tests.redundant import ARMS, choices, redundant

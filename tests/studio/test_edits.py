@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 
 import freefloat as ff
 from freefloat.beyond.studio.analyses import analysis_of
+from freefloat.beyond.studio.analysis import RobotCache
 from freefloat.beyond.studio.edits import edited
 from freefloat.beyond.studio.messages import (
     MoveHandle,
@@ -20,7 +21,6 @@ from freefloat.beyond.studio.messages import (
     TurnEnd,
     WorkerState,
 )  # fmt: skip
-from freefloat.beyond.studio.robots import RobotCache
 from freefloat.robot.bundled import find_scenario
 from tests.errors import error_key
 

@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 import freefloat as ff
-from freefloat.beyond.engines.engine_runs import MuJoCo
+from freefloat.beyond.engines.mujoco import MuJoCo
 from freefloat.certificate.certificate import certify
 from freefloat.ensemble.ensemble import EnsembleIntegrator
 from freefloat.ensemble.feasibility import FeasibilityEvaluator

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import freefloat as ff
-from freefloat.beyond.engines.engine_runs import MuJoCo
+from freefloat.beyond.engines.mujoco import MuJoCo
 from freefloat.robot.bundled import find_robot
 from tests.commands import document, run
 from tests.robots import inertial_text, joint_text, link_text

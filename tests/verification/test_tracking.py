@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 import freefloat as ff
-from freefloat.beyond.engines import plant, servo_steps
+from freefloat.beyond.engines import closed_loops, servo_steps
+from freefloat.beyond.engines.closed_loops import Plants
 from freefloat.beyond.engines.mujoco import start
 from freefloat.beyond.engines.mujoco_model import MuJoCoModel
-from freefloat.beyond.engines.plant import Plants
 from freefloat.beyond.engines.tracking import track_many
 from freefloat.dynamics.momentum import mass_matrix
 from freefloat.robot.assembly import scaled
@@ -111,7 +111,7 @@ def test_plain_and_compiled_kernels_agree(short) -> None:
     deviations = {"mass_error": 0.2, "friction": 0.1, "seed": 3, "gain": 0.4, "period": 1.0}
     brief = ff.simulate(short.problem.stretched(0.1), heading=0.0)
     compiled = ff.track(brief, **deviations)
-    with sources(servo_steps, plant):
+    with sources(servo_steps, closed_loops):
         plain = ff.track(brief, **deviations)
     np.testing.assert_allclose(plain.attitudes, compiled.attitudes, atol=1e-9)
     np.testing.assert_allclose(plain.joints, compiled.joints, atol=1e-9)

@@ -20,42 +20,29 @@ if TYPE_CHECKING:
     from freefloat.robot.parts import Mount, Spacecraft
 
 Numbers = Sequence[float]
-_Robot = Annotated[
-    str,
-    typer.Argument(
-        metavar="ROBOT",
-        help="An arm: a URDF, xacro or MJCF file, a bundled name, example-robot-data:NAME or "
-        "robot_descriptions:NAME. Or a scenario, or a YAML file with its robot section alone, "
-        "which has all parts: spacecraft, payload, tools, further arms.",
-        autocompletion=robot_names,
-    ),
-]
+_Robot = Annotated[str, typer.Argument(
+    metavar="ROBOT",
+    help="An arm: a URDF, xacro or MJCF file, a bundled name, example-robot-data:NAME or "
+    "robot_descriptions:NAME. Or a scenario, or a YAML file with its robot section alone, "
+    "which has all parts: spacecraft, payload, tools, further arms.", autocompletion=robot_names,
+)]  # fmt: skip
 _Output = Annotated[Path, option("FILE", "The URDF to write.", "--output", "-o")]
 _EndEffector = Annotated[
     str | None, option("LINK", "The end-effector, a link or site; default the only last link.")
 ]
 _Mass = Annotated[float | None, option("KG", "Mass of the spacecraft.")]
-_Inertia = Annotated[
-    Numbers | None,
-    option(
-        "X Y Z ...",
-        "Its inertia about its centre of mass, kg m²: three principal moments, "
-        "ixx ixy ixz iyy iyz izz, or nine numbers.",
-        parser=numbers,
-    ),
-]
+_Inertia = Annotated[Numbers | None, option(
+    "X Y Z ...", "Its inertia about its centre of mass, kg m²: three principal moments, "
+    "ixx ixy ixz iyy iyz izz, or nine numbers.", parser=numbers,
+)]  # fmt: skip
 _Size = Annotated[Numbers | None, option("X Y Z", "Edges of its box [m].", parser=numbers)]
 _Mount = Annotated[
     Numbers | None,
     option("X Y Z R P Y", "Pose of the arm's root link in its frame, m, rad.", parser=numbers),
 ]
-_CopyMeshes = Annotated[
-    bool,
-    typer.Option(
-        "--copy-meshes",
-        help="Copy mesh files to a folder next to the URDF; default: absolute paths.",
-    ),
-]
+_CopyMeshes = Annotated[bool, typer.Option(
+    "--copy-meshes", help="Copy mesh files to a folder next to the URDF; default: absolute paths.",
+)]  # fmt: skip
 
 
 def assemble(

@@ -29,12 +29,9 @@ _Study = Annotated[
     typer.Argument(metavar="STUDY", help="A file or a bundled name: spatial_6dof/montecarlo",
                    autocompletion=study_names),
 ]  # fmt: skip
-_Folder = Annotated[
-    Path | None,
-    option(
-        "DIR", "Folder of the results; a folder of the same study is continued.", "--output", "-o"
-    ),
-]
+_Folder = Annotated[Path | None, option(
+    "DIR", "Folder of the results; a folder of the same study is continued.", "--output", "-o",
+)]  # fmt: skip
 _Workers = Annotated[int | None, option("N", "Number of processes; default one per core.", min=1)]
 _Scheduler = Annotated[
     str | None, option("ADDRESS", "Use the workers of a Dask scheduler: tls://host:8786")
@@ -241,7 +238,7 @@ def _percentile_tables(result: StudyResult) -> Iterator[RenderableType]:
 
 def _sensitivity_tables(result: StudyResult) -> Iterator[RenderableType]:
     """Sobol indices with their intervals."""
-    from freefloat.studies.names import readable_name
+    from freefloat.studies.study_file import readable_name
 
     rows = table("Sobol indices of", "for", "first order (95 %)", "total (95 %)")
     for entry in result.sensitivities:

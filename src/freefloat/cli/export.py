@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from freefloat.cli.answers import load_answer
 from freefloat.cli.console import Console
+from freefloat.cli.delivery import load_answer
 from freefloat.cli.options import Json, MotionFile, Quiet, option, prepare_outputs
 from freefloat.errors import InputError
 
@@ -20,34 +20,20 @@ if TYPE_CHECKING:
 
 _STDOUT = "-"
 
-_Format = Annotated[
-    str | None,
-    option(
-        "csv|mat|json|ros2|ros2-goal|mcap|aem|mjcf",
-        "Default: by the name of -o; without -o csv.",
-        "--format",
-    ),
-]
-_Output = Annotated[
-    str | None,
-    option(
-        "OUT",
-        "Output file, - for stdout. Default: NAME_trajectory.csv (.mat, .json, .yaml, ...), "
-        "for ros2-goal NAME_goal.yaml.",
-        "--output",
-        "-o",
-    ),
-]
+_Format = Annotated[str | None, option(
+    "csv|mat|json|ros2|ros2-goal|mcap|aem|mjcf", "Default: by the name of -o; without -o csv.",
+    "--format",
+)]  # fmt: skip
+_Output = Annotated[str | None, option(
+    "OUT", "Output file, - for stdout. Default: NAME_trajectory.csv (.mat, .json, .yaml, ...), "
+    "for ros2-goal NAME_goal.yaml.", "--output", "-o",
+)]  # fmt: skip
 _Rate = Annotated[float | None, option("HZ", "Samples per second.")]
 _Times = Annotated[int | None, option("N", "Number of samples, evenly spaced; 501.")]
-_Epoch = Annotated[
-    str | None,
-    option(
-        "DATE",
-        "Date of t = 0 in aem and mcap, UTC, as 2026-05-01T12:00:00.25; by default "
-        "2000-01-01T12:00:00.",
-    ),
-]
+_Epoch = Annotated[str | None, option(
+    "DATE", "Date of t = 0 in aem and mcap, UTC, as 2026-05-01T12:00:00.25; by default "
+    "2000-01-01T12:00:00.",
+)]  # fmt: skip
 _Frame = Annotated[str | None, option("NAME", "Name of the inertial axes in aem; default EME2000.")]
 _Object = Annotated[
     str | None,

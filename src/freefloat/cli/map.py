@@ -35,14 +35,10 @@ if TYPE_CHECKING:
 _MAX_REGIONS = 12
 """Regions listed in the table; --json lists all."""
 
-_Samples = Annotated[
-    int | None,
-    option(
-        "N",
-        "Number of attitudes; default search.samples of the scenario, else 36,864 "
-        "(planar tasks and tables: 360 headings).",
-    ),
-]
+_Samples = Annotated[int | None, option(
+    "N", "Number of attitudes; default search.samples of the scenario, else 36,864 "
+    "(planar tasks and tables: 360 headings).",
+)]  # fmt: skip
 _Seed = Annotated[
     int | None, option("S", "Rotates the grid of attitudes; default search.seed.", min=0)
 ]
@@ -54,15 +50,10 @@ _Boundary = Annotated[
     int | None,
     option("N", "Find N attitudes of each arm branch on the boundary of the feasible set.", min=1),
 ]
-_Touch = Annotated[
-    int | None,
-    option(
-        "N",
-        "For arms with an elbow and a spherical wrist: compute N attitudes of the "
-        "boundary from touch points (Section VI) and compare.",
-        min=1,
-    ),
-]
+_Touch = Annotated[int | None, option(
+    "N", "For arms with an elbow and a spherical wrist: compute N attitudes of the "
+    "boundary from touch points (Section VI) and compare.", min=1,
+)]  # fmt: skip
 
 
 def map_(

@@ -15,14 +15,10 @@ from freefloat.cli.console import Console, print_json, table
 from freefloat.cli.options import Json, Quiet, file_names
 from freefloat.errors import InputError, did_you_mean
 
-_Name = Annotated[
-    str | None,
-    typer.Argument(
-        metavar="[NAME]",
-        help="Print this file instead: a URDF, or the YAML of a scenario or study.",
-        autocompletion=file_names,
-    ),
-]
+_Name = Annotated[str | None, typer.Argument(
+    metavar="[NAME]", help="Print this file instead: a URDF, or the YAML of a scenario or study.",
+    autocompletion=file_names,
+)]  # fmt: skip
 
 
 def models(name: _Name = None, as_json: Json = False, quiet: Quiet = False) -> None:

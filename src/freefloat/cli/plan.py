@@ -31,12 +31,9 @@ if TYPE_CHECKING:
 _Stretch = Annotated[
     bool, typer.Option("--stretch", help="Increase the duration until rates and torques fit.")
 ]
-_Verbose = Annotated[
-    bool,
-    typer.Option(
-        "--verbose", "-v", help="Print every range, phase and limit, states and residuals."
-    ),
-]
+_Verbose = Annotated[bool, typer.Option(
+    "--verbose", "-v", help="Print every range, phase and limit, states and residuals.",
+)]  # fmt: skip
 _FEW_BRANCHES = 4
 """Most arm branches whose ranges are all shown."""
 

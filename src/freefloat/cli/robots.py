@@ -29,15 +29,11 @@ if TYPE_CHECKING:
 _SHOWN = 3
 """Links or joints that are named of those with the same problem."""
 
-RobotName = Annotated[
-    str,
-    typer.Argument(
-        metavar="MODEL_OR_SCENARIO",
-        help="A URDF, xacro or MJCF file, a scenario file, a bundled name, example-robot-data:NAME "
-        "or robot_descriptions:NAME",
-        autocompletion=robot_names,
-    ),
-]
+RobotName = Annotated[str, typer.Argument(
+    metavar="MODEL_OR_SCENARIO",
+    help="A URDF, xacro or MJCF file, a scenario file, a bundled name, example-robot-data:NAME "
+    "or robot_descriptions:NAME", autocompletion=robot_names,
+)]  # fmt: skip
 EndEffector = Annotated[
     str | None, option("LINK", "For several last links: which one; or a site of a MuJoCo model.")
 ]

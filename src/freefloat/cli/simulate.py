@@ -36,12 +36,9 @@ if TYPE_CHECKING:
     from freefloat.planning.motions import SimulatedBranch
     from freefloat.planning.simulation import Simulation
 
-_Heading = Annotated[
-    float | None,
-    option(
-        "DEG", "The same for planar tasks and on a table: degrees about z, or the plane's normal."
-    ),
-]
+_Heading = Annotated[float | None, option(
+    "DEG", "The same for planar tasks and on a table: degrees about z, or the plane's normal.",
+)]  # fmt: skip
 _Joints = Annotated[
     Sequence[float] | None,
     option("Q1 Q2 ...", "Choose the arm branch near these joints, rad or m.", parser=numbers),

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from freefloat.cli.answers import load_motion
 from freefloat.cli.console import Console
+from freefloat.cli.delivery import load_motion
 from freefloat.cli.options import (
     Json,
     NoOpen,
@@ -29,55 +29,35 @@ if TYPE_CHECKING:
     from freefloat.motion.motion import Motion
     from freefloat.visualization.page.playback import Playback
 
-_Files = Annotated[
-    list[Path],
-    typer.Argument(
-        metavar="FILE", help="Files of plan, simulate, map or singularities; shown on one page."
-    ),
-]
+_Files = Annotated[list[Path], typer.Argument(
+    metavar="FILE", help="Files of plan, simulate, map or singularities; shown on one page.",
+)]  # fmt: skip
 _Port = Annotated[
     int, option("P", "Port of the page; if it is in use, the next free one.", min=0, max=65535)
 ]
 _Snapshots = Annotated[
     int | None, option("N", "Take N pictures from start to end.", min=1, max=1000)
 ]
-_Output = Annotated[
-    Path | None,
-    option(
-        "FILE",
-        "Write a page, a video or the first picture: .html, .gif, .mp4 or .png. With "
-        "--snapshots the folder of the pictures; default NAME_snapshots.",
-        "--output",
-        "-o",
-    ),
-]
-_Plots = Annotated[
-    Path | None,
-    option(
-        "DIR",
-        "Draw all figures into this folder, as PDF and PNG. Of several files each has a "
-        "folder of its own, and a figure compares up to four motions.",
-    ),
-]
+_Output = Annotated[Path | None, option(
+    "FILE", "Write a page, a video or the first picture: .html, .gif, .mp4 or .png. With "
+    "--snapshots the folder of the pictures; default NAME_snapshots.", "--output", "-o",
+)]  # fmt: skip
+_Plots = Annotated[Path | None, option(
+    "DIR", "Draw all figures into this folder, as PDF and PNG. Of several files each has a "
+    "folder of its own, and a figure compares up to four motions.",
+)]  # fmt: skip
 _Video = Annotated[Path | None, option("FILE", "Write a .gif, or a .mp4 (needs ffmpeg).")]
 _Fps = Annotated[float | None, option("F", "Frames per second of the video; default 20.")]
-_Speed = Annotated[
-    float | None,
-    option(
-        "X", "Speed of the video; default 1. Longer motions are sped up; the factor is printed."
-    ),
-]
+_Speed = Annotated[float | None, option(
+    "X", "Speed of the video; default 1. Longer motions are sped up; the factor is printed.",
+)]  # fmt: skip
 _Size = Annotated[
     str | None, option("WxH", "Size of pictures and video; default 1280x720, GIF 800x450.")
 ]
-_Scene = Annotated[
-    str | None,
-    option(
-        "NAME",
-        "Which of several scenes the page opens, and pictures and video show: the "
-        'name of a file, the arm branch of a map or a simulation, or "side by side".',
-    ),
-]
+_Scene = Annotated[str | None, option(
+    "NAME", "Which of several scenes the page opens, and pictures and video show: the "
+    'name of a file, the arm branch of a map or a simulation, or "side by side".',
+)]  # fmt: skip
 
 
 def view(

@@ -157,7 +157,7 @@ class Answer:
 
     def _repr_html_(self) -> str:
         """What the command prints, for notebooks."""
-        return str(named("cli.answers:answer_html")(self))
+        return str(named("cli.delivery:answer_html")(self))
 
     @property
     def violation(self) -> str:

@@ -43,6 +43,24 @@ FAMILIES = {
     "residuals": REAL, "limits": REAL, "attitude_ranges_deg": TEXT,
 }  # fmt: skip
 """Types of results that a study has by joint, quantity, limit and arm branch, such as joints.0."""
+_RESULTS = {
+    "margin": "minimum margin", "margin_time": "time of the minimum margin [s]",
+    "margin_required": "required margin", "singular_time": "singular at [s]",
+    "robust_radius_deg": "attitude tolerance [deg]", "deviation_deg": "deviation [deg]",
+    "limiting": "limiting quantity", "limiting_time": "time of the limiting quantity [s]",
+    "branch": "arm branch",
+    "base_rate": "largest base rate [rad/s]", "base_turn_deg": "largest base turn [deg]",
+    "duration": "duration [s]", "heading_deg": "heading [deg]", "seconds": "computed in [s]",
+    "residuals.end_effector_position": "largest distance from the path [m]",
+    "residuals.end_effector_attitude": "largest orientation error [rad]",
+    "residuals.momentum": "momentum error [N m s]",
+    "residuals.final_position": "distance at the end [m]",
+}  # fmt: skip
+_OF_JOINTS = {
+    "joints": "initial value",
+    "joint_rates": "largest rate",
+    "range_ratios": "range ratio",
+}
 
 Column = Sequence[Any] | npt.NDArray[Any]
 Columns = Mapping[str, Column]
@@ -110,3 +128,13 @@ def finite(value: Any) -> Any:
 
 def _is_number(value: Any) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def result_name(column: str, joints: Sequence[str]) -> str:
+    """The name of a column of results, with its unit, for a robot with these joints."""
+    family, _, entry = column.partition(".")
+    if family in _OF_JOINTS and int(entry) < len(joints):
+        return f"{_OF_JOINTS[family]} of {joints[int(entry)]}"
+    if family == "limits":
+        return f"ratio of the {entry.replace('_', ' ')} limit"
+    return _RESULTS.get(column, column.replace("_", " "))

@@ -63,20 +63,13 @@ class StudyEstimate:
     def to_dict(self) -> dict[str, Any]:
         """The JSON document of ``batch --dry-run``."""
         return {
-            "study": self.study.source,
-            "base": str(self.study.base_source),
-            "command": str(self.study.content.command),
-            "count": self.study.count,
-            "done": len(self.finished),
-            "workers": self.workers,
-            "seconds_each": self.run_seconds,
-            "start_up_seconds": self.start_seconds,
-            "files": self.files,
-            "file_seconds_each": self.file_seconds,
-            "timed": self.basis,
+            "study": self.study.source, "base": str(self.study.base_source),
+            "command": str(self.study.content.command), "count": self.study.count,
+            "done": len(self.finished), "workers": self.workers, "seconds_each": self.run_seconds,
+            "start_up_seconds": self.start_seconds, "files": self.files,
+            "file_seconds_each": self.file_seconds, "timed": self.basis,
             "run_by_run": why_run_by_run(self.study),
-            "contact_unchecked": self.study.contact_unchecked,
-            "seconds": self.seconds,
+            "contact_unchecked": self.study.contact_unchecked, "seconds": self.seconds,
             "cases": [
                 {"case": number, "done": number in self.finished,
                  "parameters": finite(self.study.parameters(number))}

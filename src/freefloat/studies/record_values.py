@@ -62,13 +62,10 @@ def plan_values(plan: Plan) -> dict[str, Any]:
     """The values of a plan."""
     motion = {"completed": False} if plan.chosen is None else motion_values(plan.chosen)
     values = {
-        **verdict_values(plan),
-        **motion,
-        **limit_values(plan.limit_results),
-        "robust_radius_deg": degrees(plan.robust_radius),
-        "deviation_deg": degrees(plan.deviation),
+        **verdict_values(plan), **motion, **limit_values(plan.limit_results),
+        "robust_radius_deg": degrees(plan.robust_radius), "deviation_deg": degrees(plan.deviation),
         "feasible_fraction": plan.feasible_fraction,
-    }
+    }  # fmt: skip
     ranges = {entry.branch: json.dumps(entry.degrees) for entry in plan.ranges or ()}
     return values | family("attitude_ranges_deg", ranges)
 
@@ -124,13 +121,10 @@ def margin_values(chosen: SimulatedBranch, start: float = 0.0) -> dict[str, Any]
     motion, margin = chosen.motion, chosen.closest_approach
     singular = motion.ending is Ending.SINGULAR
     return {
-        "completed": motion.completed,
-        "measure": margin.measure,
-        "margin": chosen.minimum_margin,
-        "margin_time": start + margin.time,
-        "margin_required": motion.setting.margin.threshold,
+        "completed": motion.completed, "measure": margin.measure, "margin": chosen.minimum_margin,
+        "margin_time": start + margin.time, "margin_required": motion.setting.margin.threshold,
         "singular_time": start + motion.final.time if singular else None,
-    }
+    }  # fmt: skip
 
 
 def _extreme_values(chosen: SimulatedBranch) -> dict[str, Any]:

@@ -19,11 +19,11 @@ from freefloat.concurrency import Progress
 from freefloat.errors import FreeFloatError
 from freefloat.io.files import written_beside
 from freefloat.so3 import Array
-from freefloat.studies.columns import ERROR, FOUND, NUMBER
+from freefloat.studies.columns import ERROR, FOUND, NUMBER, result_name
 from freefloat.studies.folder import FIGURE, REPORT
-from freefloat.studies.names import heading, readable_name, result_name
 from freefloat.studies.results import PERCENTILES, StudyResult
 from freefloat.studies.rows import StudyRows, quoted
+from freefloat.studies.study_file import heading, readable_name
 
 _FIRST_LISTED = ("verdict", "reason", "error", "margin", "limiting")
 """Columns of the report before the parameters."""
@@ -108,22 +108,14 @@ def _page(
     script = environment.get_template("report.js").render()
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
     return environment.get_template("report.html").render(
-        name=Path(result.study.source).stem,
-        result=result,
-        version=version("freefloat"),
+        name=Path(result.study.source).stem, result=result, version=version("freefloat"),
         time=datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
-        figure=base64.b64encode(picture).decode(),
-        margin_unit=unit,
-        table=_listed(result, first | dict(parameters) | last),
-        name_of=name_of,
-        percentages=PERCENTILES,
-        sensitivities=result.sensitivities,
-        readable_name=readable_name,
-        linked=linked,
-        text=json.dumps(content, indent=2, ensure_ascii=False),
-        script=script,
+        figure=base64.b64encode(picture).decode(), margin_unit=unit,
+        table=_listed(result, first | dict(parameters) | last), name_of=name_of,
+        percentages=PERCENTILES, sensitivities=result.sensitivities, readable_name=readable_name,
+        linked=linked, text=json.dumps(content, indent=2, ensure_ascii=False), script=script,
         digest=digest,
-    )
+    )  # fmt: skip
 
 
 def _listed(result: StudyResult, names: Mapping[str, str]) -> dict[str, Any]:

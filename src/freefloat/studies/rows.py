@@ -31,12 +31,8 @@ from freefloat.studies.columns import (
 from freefloat.studies.folder import CSV, PARQUET, WRITABLE
 
 _OF_FILE_SYSTEM = (
-    "SQLITE_FULL",
-    "SQLITE_IOERR",
-    "SQLITE_READONLY",
-    "SQLITE_CANTOPEN",
-    "SQLITE_PERM",
-)
+    "SQLITE_FULL", "SQLITE_IOERR", "SQLITE_READONLY", "SQLITE_CANTOPEN", "SQLITE_PERM",
+)  # fmt: skip
 """What the names of errors begin with that are none of the database."""
 BLOCK = 1_000
 """Rows that are read at a time: as many as fit into the processor's cache."""

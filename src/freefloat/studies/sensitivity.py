@@ -74,10 +74,9 @@ class _Mixtures(Variation):
         pairs = {key: (section.draws(self.seed, key, 0, _PAIRS),
                        section.draws(self.seed, key, _PAIRS, _PAIRS))
                  for key, section in self.vary.items()}  # fmt: skip
+        some = slice(first, first + count)
         return {
-            key: np.concatenate([A, B, *(B if other == key else A for other in self.vary)])[
-                first : first + count
-            ]
+            key: np.concatenate([A, B, *(B if other == key else A for other in self.vary)])[some]
             for key, (A, B) in pairs.items()
         }
 

@@ -1,8 +1,9 @@
-"""Study files: what they may contain."""
+"""Study files: what they may contain, and names of varied keys for people."""
 
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping
 from enum import StrEnum
 from typing import Annotated, Any, Literal
@@ -20,6 +21,8 @@ from freefloat.io.scenario.field_types import (
     Seed,
     exactly_one_of,
 )
+from freefloat.io.scenario.schema import ScenarioFile
+from freefloat.io.scenario.yaml import description_at
 from freefloat.motion.problem import Problem
 from freefloat.so3 import Array
 from freefloat.studies.sampling import Count, ValuesSection
@@ -33,6 +36,13 @@ TRACK = "track."
 
 TRACK_SEED = f"{TRACK}seed"
 """The key that repeats a run with other random numbers."""
+_VECTORS = ("momentum", "wheels.momentum", "drift", "attitude")
+"""Keys whose entries are components."""
+_ROBOT = "robot."
+_NAMES = {
+    "wheels.momentum": "wheel momentum", "timing.duration": "duration", "scale mass": "mass factor",
+    "margin.value": "required margin", "heading_deg": "heading [deg]",
+}  # fmt: skip
 
 
 class Command(StrEnum):
@@ -135,3 +145,23 @@ def initial_attitude(problem: Problem, start: Mapping[str, Any]) -> Array:
     if heading is not None:
         heading = math.radians(finite_number("heading_deg", heading, "a finite number of degrees"))
     return problem.attitude(start.get("attitude"), heading=heading)
+
+
+def readable_name(key: str) -> str:
+    """The name of a varied key, or of an entry: ``momentum x`` of ``momentum.0``; else the key."""
+    vector, _, entry = key.rpartition(".")
+    if vector in _VECTORS and entry in ("0", "1", "2", "3"):
+        return f"{_NAMES.get(vector, vector)} {'xyzw'[int(entry)]}"
+    if vector == "robot.scale_mass":
+        return f"mass factor of {entry}"
+    if key.startswith((TRACK, _ROBOT)):
+        key = key.removeprefix(TRACK).removeprefix(_ROBOT).replace("_", " ").replace(".", " ")
+    return _NAMES.get(key, key)
+
+
+def heading(key: str) -> str:
+    """The name of a varied key with its unit, which the schema describes."""
+    schema, name = StudyFile if key.startswith(TRACK) else ScenarioFile, readable_name(key)
+    description = description_at(schema, key.split(".")) or ""
+    unit = re.search(r"\[[^\]]*\]", description)
+    return name if unit is None or "[" in name else f"{name} {unit[0]}"

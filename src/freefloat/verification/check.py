@@ -107,16 +107,13 @@ class CheckReport:
         if forward is not None:
             engine = {"name": self.engine, "inverse": asdict(inverse), "forward": asdict(forward)}
         return {
-            "proved": self.passed,
-            "kind": self.kind,
+            "proved": self.passed, "kind": self.kind,
             "reasons": [check.reason for check in self.discrepancies],
             "checks": [check.to_dict() for check in self.checks],
-            "not_verified": list(self.not_verified),
-            "given": list(self.given),
+            "not_verified": list(self.not_verified), "given": list(self.given),
             "certificate": None if self.certificate is None else self.certificate.to_dict(),
-            "limits": [result.to_dict() for result in self.limits],
-            "engine": engine,
-        }
+            "limits": [result.to_dict() for result in self.limits], "engine": engine,
+        }  # fmt: skip
 
 
 def other_engine(name: str) -> Engine | None:

@@ -114,9 +114,6 @@ def robustness_checks(plan: Plan, chosen: SimulatedBranch) -> Iterator[Check]:
         yield _tolerance_check(evaluator, plan.tolerance, chosen)
 
 
-# --- in the plane -------------------------------------------------------------------------------
-
-
 def _heading_check(plan: Plan, evaluator: FeasibilityEvaluator) -> Check:
     """Headings just inside the ends of ranges keep the margin, those just outside do not."""
     probes = [probe for entry in plan.ranges for probe in _probes(entry)]
@@ -196,9 +193,6 @@ def _keeps_margin(problem: Problem, limits: AttitudeLimits, attitude: Array, joi
     if not motion.completed:
         return False
     return all(limit.decide(motion).kept for limit in attitude_limits(problem, limits))
-
-
-# --- in space -----------------------------------------------------------------------------------
 
 
 def _ball_check(evaluator: FeasibilityEvaluator, plan: Plan, chosen: SimulatedBranch) -> Check:

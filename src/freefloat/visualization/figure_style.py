@@ -40,33 +40,16 @@ _MANY, _PALEST = "viridis", 0.9
 """Colour map of more curves, and the fraction of it that is dark enough."""
 MARGIN_LINE: Any = {"color": VERMILION, "linestyle": "--", "linewidth": 1.0}
 _STYLE: Any = {
-    "axes.axisbelow": True,
-    "axes.grid": True,
-    "axes.labelsize": 8.0,
-    "axes.linewidth": 0.6,
+    "axes.axisbelow": True, "axes.grid": True, "axes.labelsize": 8.0, "axes.linewidth": 0.6,
     "axes.prop_cycle": cycler(color=[c for c, _ in STROKES], linestyle=[d for _, d in STROKES]),
-    "axes.spines.right": False,
-    "axes.spines.top": False,
-    "axes.titlesize": 8.0,
-    "figure.constrained_layout.h_pad": 0.03,
-    "figure.constrained_layout.w_pad": 0.03,
-    "figure.titlesize": 8.0,
-    "figure.titleweight": "bold",
-    "font.size": 8.0,
-    "grid.color": PALE,
-    "grid.linewidth": 0.5,
-    "axes.formatter.useoffset": False,
-    "legend.fontsize": 7.0,
-    "legend.frameon": False,
-    "lines.linewidth": 1.2,
-    "lines.markersize": 4.0,
-    "pdf.fonttype": 42,
-    "text.usetex": False,
-    "xtick.labelsize": 7.0,
-    "xtick.major.width": 0.6,
-    "ytick.labelsize": 7.0,
+    "axes.spines.right": False, "axes.spines.top": False, "axes.titlesize": 8.0,
+    "figure.constrained_layout.h_pad": 0.03, "figure.constrained_layout.w_pad": 0.03,
+    "figure.titlesize": 8.0, "figure.titleweight": "bold", "font.size": 8.0, "grid.color": PALE,
+    "grid.linewidth": 0.5, "axes.formatter.useoffset": False, "legend.fontsize": 7.0,
+    "legend.frameon": False, "lines.linewidth": 1.2, "lines.markersize": 4.0, "pdf.fonttype": 42,
+    "text.usetex": False, "xtick.labelsize": 7.0, "xtick.major.width": 0.6, "ytick.labelsize": 7.0,
     "ytick.major.width": 0.6,
-}
+}  # fmt: skip
 _SCREEN = 130.0
 """Resolution of figures in notebooks [dots per inch]."""
 _CROWDED, _LONGEST_LINE = 6, 8

@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from freefloat.beyond.engines.closed_loops import Loops, follow
-from freefloat.beyond.engines.measure_values import MeasureValues
+from freefloat.beyond.engines.rate_commands import MeasureValues
 from freefloat.concurrency import available_cores, run_chunks
 from freefloat.dynamics.measures import singularity_measure
 from freefloat.errors import (
@@ -118,15 +118,12 @@ class Tracking:
     def to_dict(self) -> dict[str, Any]:
         """The outcome as a JSON document."""
         return {
-            "survived": self.survived,
-            "margin": self.minimum_margin,
-            "margin_time": self.margin_time,
-            "margin_required": self.threshold,
+            "survived": self.survived, "margin": self.minimum_margin,
+            "margin_time": self.margin_time, "margin_required": self.threshold,
             "peak_position_error": self.peak_position_error,
             "final_position_error": self.final_position_error,
-            "peak_orientation_error": self.peak_orientation_error,
-            "tolerance": self.tolerance,
-        }
+            "peak_orientation_error": self.peak_orientation_error, "tolerance": self.tolerance,
+        }  # fmt: skip
 
 
 def track(

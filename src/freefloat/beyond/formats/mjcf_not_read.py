@@ -26,6 +26,7 @@ SHAPES = {2: "sphere", 3: "capsule", 5: "cylinder", 6: "box"}
 _OTHER_SHAPES = {0: "plane", 1: "height field", 4: "ellipsoid", 7: "mesh", 8: "distance field"}
 _UNSHAPED = "is neither drawn nor compared for contact"
 _RIGID = "the joint moves without it"
+_TOUCHING = "which geoms touch; all that no joint connects are compared"
 _CONTACT = "freefloat keeps bodies apart, and computes no contact forces"
 _SOLVER = "MuJoCo's solver; freefloat keeps joint ranges exactly"
 _PROPERTIES = {
@@ -48,11 +49,8 @@ _PROPERTIES = {
         "solimp": ("solimpfriction", _SOLVER),
     },
     "geom": {
-        "contype": ("contype", "which geoms touch; all that no joint connects are compared"),
-        "conaffinity": (
-            "conaffinity",
-            "which geoms touch; all that no joint connects are compared",
-        ),
+        "contype": ("contype", _TOUCHING),
+        "conaffinity": ("conaffinity", _TOUCHING),
         "fluid": ("fluidshape", "forces of a fluid; there is none"),
     },
     "body": {"gravcomp": ("gravcomp", "compensation of gravity; there is none")},

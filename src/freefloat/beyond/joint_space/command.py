@@ -41,22 +41,14 @@ _REDUNDANT = {
     "undecided": "undecided boxes, where it may vanish",
 }
 """The same of redundant arms: the determinant is never negative, so that no sign proves a zero."""
-_Resolution = Annotated[
-    float | None,
-    option(
-        "DEG",
-        "Width down to which boxes are cut; default 0.1 where det A depends on two joints, "
-        "1 for three, 5 for four, 15 for more.",
-    ),
-]
-_Fix = Annotated[
-    list[str] | None,
-    option(
-        "JOINT=Q",
-        "Map the slice with this value of a joint, rad or m, which still moves; may be "
-        "repeated. robot.held of a scenario locks a joint.",
-    ),
-]
+_Resolution = Annotated[float | None, option(
+    "DEG", "Width down to which boxes are cut; default 0.1 where det A depends on two joints, "
+    "1 for three, 5 for four, 15 for more.",
+)]  # fmt: skip
+_Fix = Annotated[list[str] | None, option(
+    "JOINT=Q", "Map the slice with this value of a joint, rad or m, which still moves; may be "
+    "repeated. robot.held of a scenario locks a joint.",
+)]  # fmt: skip
 _Page = Annotated[Path | None, option("FILE", "Write a page with the surface det A = 0.", "--html")]
 
 

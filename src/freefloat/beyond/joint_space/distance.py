@@ -156,10 +156,8 @@ class _ZeroSearch:
             return 0.0
         fractions = low_discrepancy(_LINES, len(self._q))
         self._improve(self._lower + (self._upper - self._lower) * fractions)
-        centres, halves = (
-            (self._lower + self._upper)[None] / 2,
-            (self._upper - self._lower)[None] / 2,
-        )
+        lower, upper = self._lower[None], self._upper[None]
+        centres, halves = (lower + upper) / 2.0, (upper - lower) / 2.0
         count = 0
         while True:
             gaps = self._gaps(centres, halves)

@@ -24,16 +24,7 @@ from freefloat.beyond.joint_space.joint_sections import (
 )
 from freefloat.beyond.joint_space.singularity_map import Kind, SingularityMap
 from freefloat.so3 import Array
-from freefloat.visualization.figure_style import (
-    BLACK,
-    COLUMN,
-    PAGE,
-    Drawings,
-    Figures,
-    axis_label,
-    new_figure,
-    styled,
-)
+from freefloat.visualization import figure_style as style
 
 _RASTER = 360
 """Cells of the raster, and intervals of the grid for det A = 0, across a panel."""
@@ -48,12 +39,12 @@ _PAIRED = 4
 _CAPTION_LENGTH = 110
 
 
-def map_figures(found: SingularityMap, *_: Any) -> Drawings:
+def map_figures(found: SingularityMap, *_: Any) -> style.Drawings:
     """The figures of a map of the joint space."""
     return singularity_figures(found).drawings
 
 
-def singularity_figures(found: SingularityMap, at: npt.ArrayLike | None = None) -> Figures:
+def singularity_figures(found: SingularityMap, at: npt.ArrayLike | None = None) -> style.Figures:
     """The figures of a map of the joint space by name.
 
     ``singularities`` if det A depends on two joints; else ``slices`` over pairs of the four most
@@ -75,26 +66,26 @@ def singularity_figures(found: SingularityMap, at: npt.ArrayLike | None = None) 
     """
     if len(found.joints) <= 2:
         plane = section(found, influential_joints(found, 2), at)
-        return Figures({"singularities": partial(_plane_figure, plane)})
+        return style.Figures({"singularities": partial(_plane_figure, plane)})
     joints = influential_joints(found, min(_PAIRED, len(found.joints)))
     planes = [section(found, pair, at) for pair in combinations(joints, 2)]
-    return Figures({"slices": partial(_slices_figure, planes)})
+    return style.Figures({"slices": partial(_slices_figure, planes)})
 
 
-@styled
+@style.styled
 def _plane_figure(plane: JointSection) -> Figure:
     """The figure of the two joints on which det A depends."""
-    figure = new_figure(COLUMN, 3.8)
+    figure = style.new_figure(style.COLUMN, 3.8)
     handles = _draw_section(figure.subplots(), plane)
     figure.legend(handles=handles, loc="outside lower center", ncols=2)
     return figure
 
 
-@styled
+@style.styled
 def _slices_figure(planes: Sequence[JointSection]) -> Figure:
     """The figure of sections over pairs of joints, with the other joints' values below."""
     rows = len(planes) // 3
-    figure = new_figure(PAGE, 0.65 + 2.2 * rows)
+    figure = style.new_figure(style.PAGE, 0.65 + 2.2 * rows)
     panels = figure.subplots(rows, 3, squeeze=False).ravel()
     handles: dict[str, Any] = {}
     for axes, plane in zip(panels, planes, strict=True):
@@ -130,13 +121,13 @@ def _draw_section(axes: Any, plane: JointSection) -> list[Any]:
     values = plane.polynomial.values(plane.grid(ticks)).reshape(_RASTER + 1, _RASTER + 1)
     hidden = (classes == len(_COLOURS) - 1) & _beneath_zeros(values).ravel()
     handles: list[Any] = [
-        Patch(facecolor=_COLOURS[k], edgecolor=BLACK, linewidth=0.4, label=_LABELS[k])
+        Patch(facecolor=_COLOURS[k], edgecolor=style.BLACK, linewidth=0.4, label=_LABELS[k])
         for k in np.unique(classes[~hidden])
     ]
     if plane.signs_differ(values):
         x, y = (factor * tick for factor, tick in zip(factors, ticks, strict=True))
-        axes.contour(x, y, values.T, levels=[0.0], colors=[BLACK], linewidths=0.9)
-        handles.append(Line2D([], [], color=BLACK, linewidth=0.9, label="det A = 0"))
+        axes.contour(x, y, values.T, levels=[0.0], colors=[style.BLACK], linewidths=0.9)
+        handles.append(Line2D([], [], color=style.BLACK, linewidth=0.9, label="det A = 0"))
     _frame(axes, plane, units)
     return handles
 
@@ -152,8 +143,8 @@ def _beneath_zeros(values: Array) -> npt.NDArray[np.bool_]:
 def _frame(axes: Any, plane: JointSection, units: Sequence[tuple[str, float]]) -> None:
     """Name the axes, and put ticks at quarters of a revolution."""
     names = [plane.found.model.joint_names[joint] for joint in plane.joints]
-    axes.set_xlabel(axis_label(names[0], units[0][0]))
-    axes.set_ylabel(axis_label(names[1], units[1][0]), labelpad=0.0)
+    axes.set_xlabel(style.axis_label(names[0], units[0][0]))
+    axes.set_ylabel(style.axis_label(names[1], units[1][0]), labelpad=0.0)
     quarters = np.arange(-180, 181, 90)
     if units[0][0] == "deg":
         axes.set_xticks(quarters)

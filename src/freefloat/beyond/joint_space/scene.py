@@ -43,13 +43,8 @@ _SHIFTS = 1e-3 * np.array([-1.0, 1.0, -1.0])
 _POSITIVE, _NEGATIVE = (0.99, 0.76, 0.36), (0.22, 0.50, 0.80)
 _WHITE = (0.95, 0.96, 0.98)
 _GREY = (0.45, 0.50, 0.60, 1.0)
-_VIEW = View(
-    centre=[0.0, 0.0, 0.0],
-    radius=2.0,
-    points=[list(corner) for corner in product((-1.2, 1.2), repeat=3)],  # with room for labels
-    direction=[0.45, -1.0, 0.55],
-    flat=False,
-)
+_CORNERS = [list(corner) for corner in product((-1.2, 1.2), repeat=3)]  # with room for labels
+_VIEW = View([0.0, 0.0, 0.0], 2.0, _CORNERS, direction=[0.45, -1.0, 0.55], flat=False)
 _BISECTIONS = 12
 
 
@@ -132,9 +127,8 @@ def _draw_surface(builder: SceneBuilder, root: str, part: JointSection) -> list[
     if not len(faces):
         return []
     shape = _placed(part, vertices), faces
-    for side, name, colour in zip(
-        (FRONT_SIDE, BACK_SIDE), SIDES, (_POSITIVE, _NEGATIVE), strict=True
-    ):
+    colours = _POSITIVE, _NEGATIVE
+    for side, name, colour in zip((FRONT_SIDE, BACK_SIDE), SIDES, colours, strict=True):
         builder.mesh(f"{root}/{ZEROS}/{name}", shape, (*colour, 1.0), side=side)
     return [ZEROS]
 
@@ -172,10 +166,9 @@ def _draw_box(builder: SceneBuilder, root: str, part: JointSection) -> list[Labe
     """Draw the edges of the cube and return the labels of its axes."""
     labels = []
     corners = list(product((-1.0, 1.0), repeat=3))
-    edges = [
-        (a, b) for a, b in product(corners, corners) if np.subtract(b, a).tolist().count(0) == 2
-    ]
-    for number, (a, b) in enumerate(edge for edge in edges if edge[0] < edge[1]):
+    pairs = ((a, b) for a, b in product(corners, corners) if a < b)
+    edges = ((a, b) for a, b in pairs if np.subtract(b, a).tolist().count(0) == 2)
+    for number, (a, b) in enumerate(edges):
         line = tube(np.array([a, b]), 0.006)
         builder.mesh(f"{root}/{BOX}/{number}", line, _GREY, shaded=False)
     places = [[0.0, -1.15, -1.1], [1.15, 0.0, -1.1], [-1.25, -1.0, 0.0]]

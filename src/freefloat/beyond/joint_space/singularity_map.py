@@ -161,16 +161,12 @@ class SingularityMap:
         """The JSON document of ``freefloat singularities``, without components."""
         names = self.model.joint_names
         return {
-            "task": str(self.task),
-            "joints": [names[joint] for joint in self.joints],
-            "fixed": dict(self.fixed),
-            "degrees": list(self.polynomial.degrees),
-            "coefficients": self.polynomial.coefficients.size,
-            "residual": self.polynomial.residual,
-            "resolution_deg": float(np.degrees(self.resolution)),
-            "boxes": self.boxes,
+            "task": str(self.task), "joints": [names[joint] for joint in self.joints],
+            "fixed": dict(self.fixed), "degrees": list(self.polynomial.degrees),
+            "coefficients": self.polynomial.coefficients.size, "residual": self.polynomial.residual,
+            "resolution_deg": float(np.degrees(self.resolution)), "boxes": self.boxes,
             "volumes": {kind.name.lower(): volume for kind, volume in self.volumes.items()},
-        }
+        }  # fmt: skip
 
 
 def singularity_map(

@@ -1,6 +1,6 @@
-"""Manoeuvres of files: the setting of each phase follows from the state at its beginning.
+"""Motions to goals and manoeuvres of files, which hold the scenario with the goal or the phases.
 
-A file holds the scenario of a manoeuvre, which has the phases.
+The setting of each phase follows from the state at its beginning.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from freefloat.beyond.missions.phases.phase import Phase
 from freefloat.beyond.missions.phases.state import SystemState
 from freefloat.codec import Codec
 from freefloat.io.scenario.scenario import Scenario
+from freefloat.io.scenario.writing import written_scenario
 from freefloat.limits.limits import Limits
 from freefloat.motion.problem import Problem
 from freefloat.motion.setting import JointSetting, Setting
@@ -24,6 +25,25 @@ from freefloat.planning.settings import Search
 from freefloat.records import Tree
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.verification import leaves
+
+
+def goal_scenario(result: GoalMotion) -> Scenario:
+    """The scenario that poses the goal; joint rates, which scenarios lack, are in the record."""
+    goal = {key: value for key, value in result.goal.to_dict().items() if key != "joint_rates"}
+    content: dict[str, Any] = {"goal": goal}
+    if result.motion is not None:
+        first = result.motion.initial
+        start = {"from_attitude": first.attitude.tolist(), "joints": first.joints.tolist()}
+        content["search"] = start
+    return written_scenario(result.setting, result.limits, content)
+
+
+def decode_goal(tree: Tree, scenario: Scenario) -> GoalMotion:
+    """The motion of a file to the goal of its scenario."""
+    limits = scenario.limits()
+    setting = JointSetting.of(scenario.system(), scenario.scene())
+    return leaves.CODEC.decode(GoalMotion, tree, {JointSetting: setting, Limits: limits})
+
 
 CODEC = Codec(
     (*leaves.CODEC.context, tuple[Phase, ...]), {Finding: (Plan, GoalMotion, PlannedCapture)}
@@ -42,14 +62,10 @@ def decode_manoeuvre(tree: Tree, scenario: Scenario) -> Manoeuvre:
     plan, phases = cast(Plan, path.result), [path]
     if plan.motion is not None:
         state = SystemState.at_start(plan.motion)
-        phases = [
-            *(
-                _before(entry, state.setting, state.limits(limits).without_turn)
-                for entry in trees[:first]
-            ),
-            path,
-            *_following(trees[first + 1 :], scenario, limits, state.after(plan.motion)),
-        ]
+        setting, kept = state.setting, state.limits(limits).without_turn
+        before = [_before(entry, setting, kept) for entry in trees[:first]]
+        after = _following(trees[first + 1 :], scenario, limits, state.after(plan.motion))
+        phases = [*before, path, *after]
     return Manoeuvre(plan, tuple(phases), scenario.phases(), bool(tree["reorient"]))
 
 

@@ -1,4 +1,4 @@
-"""The checks of a manoeuvre: each phase, and that it begins where the one before ends."""
+"""The checks of motions to goals, and of manoeuvres: that phases begin where others end, too."""
 
 from __future__ import annotations
 
@@ -7,35 +7,107 @@ from dataclasses import dataclass, replace
 from typing import Any, cast
 
 import numpy as np
+import scipy
 
 from freefloat.beyond.missions.capture import Capture
-from freefloat.beyond.missions.goal_verification import goal_report
 from freefloat.beyond.missions.goals.goal_motion import GoalMotion
 from freefloat.beyond.missions.phases.kinds.capture_phase import CapturePhase
 from freefloat.beyond.missions.phases.kinds.goal_phase import GoalPhase
-from freefloat.beyond.missions.phases.kinds.path_phase import PathPhase
+from freefloat.beyond.missions.phases.kinds.path_phase import JUMP, PathPhase
 from freefloat.beyond.missions.phases.manoeuvre import Manoeuvre
 from freefloat.beyond.missions.phases.phase import PATH, REORIENTATION
-from freefloat.beyond.missions.phases.prescribed_path import JUMP
 from freefloat.beyond.missions.phases.state import SystemState
 from freefloat.dynamics.momentum import conserved, momentum_map
+from freefloat.limits.check import LimitChecker
 from freefloat.limits.limits import Limits
-from freefloat.motion.motion import Motion, State
+from freefloat.motion.joint_integration import node_times
+from freefloat.motion.law import JointLaw
+from freefloat.motion.motion import Ending, Motion, State
 from freefloat.planning.answer import PhaseResult
 from freefloat.planning.plan import Plan
 from freefloat.records import Known, Origin
 from freefloat.rotations import rotation_matrix
 from freefloat.so3 import Array, angle_between
-from freefloat.verification.check import CheckReport
-from freefloat.verification.comparisons import Check, error_check
+from freefloat.verification.check import CheckReport, other_engine
+from freefloat.verification.comparisons import Check, completed, error_check, span_check
+from freefloat.verification.motions import MOTION, limit_checks, same_results
 from freefloat.verification.path_motions import plan_report
 
-_STATE_ERROR = 1e-8
-"""Errors of states handed on [rad, m]."""
+_COMPLETED = MOTION._replace(values={**MOTION.values, "ending": Ending.COMPLETED})
+_STATE_ERROR, _PRECISE, _ENGINE = 1e-8, 1e-13, 1e-4
+"""Errors of integrating again, of last states and of states handed on [rad, m, s]; of the steps of
+integrating again; of an engine's."""
+_STEPS_PER_LOOP = 12_000
+"""Steps of the simulation, per loop: its error falls with their square."""
+_SPANS = 8
+"""Spans of a spline that count as a loop."""
 _MOMENTUM = 1e-9
 """Error of the momentum after a capture, as a fraction of its parts, which may cancel."""
 _AT_PRESENT = 1e-6
 """Largest angle and joint value by which a start is the present state [rad, m]."""
+
+
+def goal_report(result: GoalMotion, engine: str) -> tuple[CheckReport, Known]:
+    """All checks of a motion to a goal, and what is recomputed.
+
+    Args:
+        result: The record, computed or loaded from a file.
+        engine: As for :func:`~freefloat.verification.check.check`.
+    """
+    motion, law, known = result.motion, result.law, dict[str, Any](goal=Origin.GIVEN)
+    if motion is None or law is None:
+        missing = Check("motion", False, f"there is none: {result.reason}")
+        return CheckReport(result.kind, (missing,)), Known(GoalMotion, known)
+    checker = LimitChecker(motion.setting, result.limits)
+    limits = same_results(checker, motion, result.limit_results)
+    again = result.with_motion(motion, limits)
+    known |= {"motion": _COMPLETED, "limit_results": limits, "feasible": again.feasible,
+              "reason": again.reason}  # fmt: skip
+    other, steps = other_engine(engine), _STEPS_PER_LOOP * -(-law.curve.spans // _SPANS)
+    checks = (
+        *completed("motion", _checks, result, motion, law),
+        *limit_checks(limits, result.feasible),
+        *(other.simulated(motion, steps, _ENGINE) if other else ()),
+    )
+    return CheckReport(result.kind, checks, limits=limits), Known(GoalMotion, known)
+
+
+def _checks(result: GoalMotion, motion: Motion, law: JointLaw) -> Iterator[Check]:
+    """The motion is integrated again, over its whole duration, and ends at the goal."""
+    yield span_check(motion)
+    times = node_times(law)
+    attitudes = _integrated_again(law, motion.initial.attitude, times)
+    joints = law.curve.at(law.timing.s(times))
+    again = replace(motion, times=times, attitudes=attitudes, joints=joints)
+    yield _same_motion(again, motion)
+    error = replace(result, motion=again).error or 0.0
+    yield error_check("final state", error, _STATE_ERROR, "rad, m", float(again.times[-1]))
+
+
+def _integrated_again(law: JointLaw, attitude: Array, times: Array) -> Array:
+    """Attitudes at times (K,), shape (K, 4), by SciPy's DOP853; collocation found the motion."""
+    timing, system, spline = law.timing, law.setting.system, law.curve
+
+    def rates(t: float, attitude: Array) -> Array:
+        s, q = timing.s(t), attitude / np.linalg.norm(attitude)
+        omega = system.base_rate(q, spline.at(s), spline.at(s, 1) * timing.s(t, 1))
+        x, w = q[:3], q[3]
+        return np.append(w * omega + np.cross(x, omega), -x @ omega) / 2.0  # (8c)
+
+    found = scipy.integrate.solve_ivp(
+        rates, times[[0, -1]], attitude, "DOP853", times, rtol=_PRECISE, atol=_PRECISE
+    ).y.T
+    return np.asarray(found / np.linalg.norm(found, axis=1, keepdims=True))
+
+
+def _same_motion(again: Motion, motion: Motion) -> Check:
+    """A motion that was integrated again is the recorded one."""
+    difference = np.inf
+    if again.times.shape == motion.times.shape:
+        angles = angle_between(again.attitudes, motion.attitudes)
+        joints, times = np.abs(again.joints - motion.joints), np.abs(again.times - motion.times)
+        difference = float(max(angles.max(), joints.max(), times.max()))
+    return error_check("integrated again", difference, _STATE_ERROR, "rad, m, s", None)
 
 
 def manoeuvre_report(manoeuvre: Manoeuvre, engine: str) -> tuple[CheckReport, Known]:
@@ -94,10 +166,8 @@ def _recomputed(manoeuvre: Manoeuvre) -> Iterator[tuple[PhaseResult, PhaseResult
     first = next(k for k, phase in enumerate(phases) if isinstance(phase.result, Plan))
     for stated in phases[:first]:
         start, drift = -stated.duration, path.problem.path.drift
-        yield (
-            stated,
-            PhaseResult(REORIENTATION, GoalPhase.kind, stated.result, start, start * drift),
-        )
+        turn = PhaseResult(REORIENTATION, GoalPhase.kind, stated.result, start, start * drift)
+        yield stated, turn
     yield phases[first], PhaseResult(PATH, PathPhase.kind, path)
     if path.motion is None or not all(phase.feasible for phase in phases[: first + 1]):
         return

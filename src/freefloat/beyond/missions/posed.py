@@ -7,9 +7,9 @@ from typing import Any, cast
 
 from freefloat.beyond.missions.goals.goal import Goal
 from freefloat.beyond.missions.goals.goal_motion import GoalMotion, goal_setting
-from freefloat.beyond.missions.phases.expected_state import keys_within
 from freefloat.beyond.missions.phases.manoeuvre import Manoeuvre
 from freefloat.beyond.missions.phases.phase import Phase, checked_phases
+from freefloat.beyond.missions.phases.state import keys_within
 from freefloat.concurrency import Progress
 from freefloat.io.scenario.scenario import Scenario
 from freefloat.motion.motion import Motion

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from freefloat.beyond.studio.analysis import Analysis
+from freefloat.beyond.studio.analysis import Analysis, RobotCache
 from freefloat.beyond.studio.goal_analysis import GoalAnalysis
 from freefloat.beyond.studio.messages import WorkerState
 from freefloat.beyond.studio.path_analysis import PathAnalysis
-from freefloat.beyond.studio.robots import RobotCache
 from freefloat.io.scenario.scenario import parse_scenario
 
 

@@ -1,22 +1,28 @@
-"""What is known about one scenario that the studio shows: answers, the motion, its page."""
+"""What is known about one scenario that the studio shows: answers, the motion, its robot."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from freefloat.beyond.studio.messages import WorkerAnswer, WorkerState
 from freefloat.beyond.studio.motions import motion_answer, place, playback_of
 from freefloat.concurrency import Progress
+from freefloat.dynamics.joint_space import largest_measure
 from freefloat.io.records.results import save
 from freefloat.io.scenario.scenario import Scenario
 from freefloat.motion.motion import Motion
+from freefloat.motion.problem import Problem
 from freefloat.motion.setting import Setting
+from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array
 from freefloat.visualization.page.playback import Playback
 
 Attitude = tuple[float, ...] | None
+_KNOWN = 8
+"""Robots that are kept."""
 
 
 class Analysis(ABC):
@@ -101,3 +107,41 @@ def _free(file: Path) -> Path:
         number += 1
         file = file.with_name(f"{name}-{number}{file.suffix}")
     return file
+
+
+class RobotCache:
+    """Models of robots, and the largest magnitudes of measures, which edits do not change."""
+
+    def __init__(self) -> None:
+        self._models: dict[str, FreeFloatingModel] = {}
+        self._largest: dict[tuple[str, ...], float] = {}
+
+    def with_model(self, scenario: Scenario) -> Scenario:
+        """A scenario with its robot, which is read once."""
+        robot = self._key(scenario)
+        if robot not in self._models:
+            self._models = dict([*self._models.items()][1 - _KNOWN :])
+            self._models[robot] = scenario.model()
+        return replace(scenario, robot=self._models[robot])
+
+    def problem(self, scenario: Scenario) -> tuple[Scenario, Problem, float]:
+        """A scenario with its robot, its problem, and the largest magnitude of its measure."""
+        scenario, content = self.with_model(scenario), scenario.content
+        key = self._key(scenario), str(content.task), content.margin.measure
+        fraction = content.margin.fraction
+        if fraction is None or key not in self._largest:
+            problem = scenario.problem()
+            if key not in self._largest:
+                measure = problem.margin.measure
+                known = problem.margin.threshold / fraction if fraction else None
+                self._largest[key] = known or largest_measure(problem.model, measure)
+            return scenario, problem, self._largest[key]
+        largest = self._largest[key]
+        margin = content.margin.model_copy(update={"value": fraction * largest, "fraction": None})
+        stated = replace(scenario, content=content.model_copy(update={"margin": margin}))
+        return scenario, stated.problem(), largest
+
+    @staticmethod
+    def _key(scenario: Scenario) -> str:
+        without_paths = {"arms": {"__all__": {"law": {"path"}}}}
+        return f"{scenario.content.robot.model_dump_json(exclude=without_paths)} {scenario.source}"

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from contextlib import ExitStack
+import os
+import tempfile
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from threading import Thread
+from threading import Thread, Timer
 from typing import Annotated
 
 import typer
@@ -22,6 +25,14 @@ _Port = Annotated[
     int, option("P", "Port of the page; if it is in use, the next free one.", min=0, max=65535)
 ]
 _Folder = Annotated[Path, option("DIR", "Folder in which plans are saved.", "--output", "-o")]
+_LIFETIME = 60.0
+"""Time that a browser has to read the page [s]."""
+_PAGE = """<!DOCTYPE html>
+<meta charset="utf-8">
+<meta http-equiv="refresh" content="0; url={address}">
+<title>freefloat studio</title>
+<a href="{address}">freefloat studio</a>
+"""
 
 
 def studio(
@@ -42,7 +53,7 @@ def studio(
 
     Example: freefloat studio planar_3dof/parabola -o plans
     """
-    from freefloat.beyond.studio.redirect import redirect_page
+    from freefloat.beyond.studio.command import redirect_page
     from freefloat.beyond.studio.server import serve_studio
     from freefloat.io.scenario.scenario import load_scenario
     from freefloat.visualization.page.server import has_display, open_browser
@@ -60,3 +71,31 @@ def studio(
                 Thread(target=open_browser, args=(page.as_uri(),), daemon=True).start()
 
         serve_studio(scenario, output, port, ready)
+
+
+@contextmanager
+def redirect_page(address: str, folder: Path) -> Iterator[Path]:
+    """A page that leads to an address; it is deleted after a minute, or at the end of the context.
+
+    All users of a machine can read the arguments of its processes, and an address that a browser is
+    told to open is one. The page is told instead; its owner alone can read it.
+
+    Args:
+        address: The address, with nothing that HTML would escape.
+        folder: Where the page is written, with mode 0600.
+
+    Yields:
+        The file, an absolute path.
+    """
+    handle, name = tempfile.mkstemp(".html", "freefloat-studio-", folder.resolve())
+    page = Path(name)
+    expiry = Timer(_LIFETIME, page.unlink, kwargs={"missing_ok": True})
+    expiry.daemon = True
+    try:
+        with os.fdopen(handle, "w", encoding="utf-8") as file:
+            file.write(_PAGE.format(address=address))
+        expiry.start()
+        yield page
+    finally:
+        expiry.cancel()
+        page.unlink(missing_ok=True)

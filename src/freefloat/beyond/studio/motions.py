@@ -101,11 +101,7 @@ def place(setting: Setting, attitude: Array) -> dict[str, Any]:
 def limits_answer(results: tuple[LimitResult, ...]) -> list[dict[str, Any]]:
     """Limits along the motion, a line each."""
     return [
-        {
-            "limit": result.label,
-            "kept": result.kept,
-            "time": result.time,
-            "text": f"{result.sentence}, {result.where}, t = {result.time:.4g} s",
-        }
+        {"limit": result.label, "kept": result.kept, "time": result.time,
+         "text": f"{result.sentence}, {result.where}, t = {result.time:.4g} s"}
         for result in results
-    ]
+    ]  # fmt: skip

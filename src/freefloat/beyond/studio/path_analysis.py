@@ -7,12 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
-from freefloat.beyond.studio.analysis import Analysis, Attitude
+from freefloat.beyond.studio.analysis import Analysis, Attitude, RobotCache
 from freefloat.beyond.studio.attitudes import ball, best_sample, dial
 from freefloat.beyond.studio.messages import WorkerAnswer, WorkerState
 from freefloat.beyond.studio.motions import best_motion, limits_answer, motion_within_limits, place
 from freefloat.beyond.studio.outline import outline
-from freefloat.beyond.studio.robots import RobotCache
 from freefloat.concurrency import Progress
 from freefloat.io.scenario.scenario import Scenario
 from freefloat.limits.check import check_limits

@@ -34,7 +34,7 @@ class _Superseded(Exception):
 
 class _Worker:
     def __init__(self, connection: Connection) -> None:
-        from freefloat.beyond.studio.robots import RobotCache
+        from freefloat.beyond.studio.analysis import RobotCache
 
         self._connection = connection
         with suppress(ImportError):  # there is no Numba

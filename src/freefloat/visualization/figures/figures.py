@@ -19,7 +19,6 @@ from freefloat.limits.result import violated
 from freefloat.motion.extrema import closest_approach
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
-from freefloat.motion.setting import Setting
 from freefloat.planning.answer import Answer
 from freefloat.planning.margin_map import HeadingMap, MarginMap
 from freefloat.planning.motions import evaluator_for
@@ -30,7 +29,7 @@ from freefloat.planning.space.attitude_map import AttitudeMap
 from freefloat.planning.space.mapping import sample_headings
 from freefloat.planning.touching.touch_point import motion_through
 from freefloat.regions.planar_regions import has_two_angle_form
-from freefloat.regions.workspace import Workspace, regions_of, workspace_regions
+from freefloat.regions.workspace import regions_of, workspace_regions
 from freefloat.visualization.figure_style import Drawings, Figures, styled
 from freefloat.visualization.figures.map_figures import (
     histogram_figure,
@@ -62,6 +61,7 @@ _TITLES = {
 }
 _TITLE_HEIGHT = 0.15
 """Height that a title takes [inch]."""
+_regions, _workspace = lru_cache(maxsize=2)(regions_of), lru_cache(maxsize=2)(workspace_regions)
 
 
 def figures(
@@ -116,16 +116,6 @@ def _snapshots(motion: Motion) -> Drawings:
     setting = motion.setting
     one_arm = setting.model.has_one_arm
     return {"snapshots": lambda: snapshots_figure(motion, _regions(setting) if one_arm else None)}
-
-
-@lru_cache(maxsize=2)
-def _regions(setting: Setting) -> Workspace:
-    return regions_of(setting)
-
-
-@lru_cache(maxsize=2)
-def _workspace(problem: Problem) -> Workspace:
-    return workspace_regions(problem)
 
 
 def simulation_figures(simulation: Simulation, *_: Any) -> Drawings:

@@ -24,25 +24,7 @@ from freefloat.motion.margin import keeps_threshold
 from freefloat.planning.space.attitude_map import AttitudeMap
 from freefloat.planning.touching.touch_point import TouchKind
 from freefloat.so3 import Array
-from freefloat.visualization.figure_style import (
-    BLACK,
-    BLUE,
-    COLUMN,
-    GREY,
-    LIGHT,
-    MARGIN_LINE,
-    PAGE,
-    PALE,
-    STROKES,
-    VERMILION,
-    amount,
-    axis_label,
-    digits,
-    draw_point,
-    legend_above,
-    new_figure,
-    styled,
-)
+from freefloat.visualization import figure_style as style
 from freefloat.visualization.slices import Slice, rotation_vectors
 
 _COMPONENTS = ("x", "y", "z")
@@ -56,13 +38,13 @@ _BINS, _MAX_PANELS = 48, 12
 _TITLE_LENGTH = 58
 """Characters that fit above a histogram."""
 _CURVE_POINTS = 401
-_STROKES = STROKES[:1] + STROKES[2:]
+_STROKES = style.STROKES[:1] + style.STROKES[2:]
 """Without that of the margin."""
 _INSIDE, _AT_END = ("D", "touch point C"), ("s", "touch point E")
 """Marker and name, C inside the path (Case I), E at an end (Case II), as in Fig. 3."""
 
 
-@styled
+@style.styled
 def slices_figure(result: AttitudeMap, slices: Sequence[Slice]) -> Figure:
     """The figure of the best branch's minimum margin in slices, a row per mark.
 
@@ -72,7 +54,7 @@ def slices_figure(result: AttitudeMap, slices: Sequence[Slice]) -> Figure:
     """
     rows, redundant = len(slices) // 3, result.problem.redundant
     threshold = result.problem.margin.threshold
-    figure = new_figure(PAGE, 0.75 + 2.2 * rows)
+    figure = style.new_figure(style.PAGE, 0.75 + 2.2 * rows)
     panels = figure.subplots(rows, 3, squeeze=False).ravel()
     highest = max(result.largest_margin, *(float(np.nanmax(plane.margins)) for plane in slices))
     norm = Normalize(threshold, max(highest, threshold))
@@ -98,39 +80,39 @@ def slices_figure(result: AttitudeMap, slices: Sequence[Slice]) -> Figure:
 def _patches(result: AttitudeMap, slices: Sequence[Slice]) -> list[Patch]:
     """The legend's entries of the areas without a colour that are in a slice."""
     words = f"all {'starts' if result.problem.redundant else 'branches'} below the margin"
-    words += f" {digits(result.problem.margin.threshold)}"
+    words += f" {style.digits(result.problem.margin.threshold)}"
     words += " or beyond a limit" if result.limited else ""
-    grey: Any = {"facecolor": PALE, "label": words}
+    grey: Any = {"facecolor": style.PALE, "label": words}
     hatched: Any = {"facecolor": "white", "hatch": "////", "label": "start of the path not reached"}
     seen = [
         [(plane.reached & (plane.margins == 0.0))[plane.inside].any(),
          (~plane.reached)[plane.inside].any()] for plane in slices
     ]  # fmt: skip
     drawn = zip(np.any(seen, axis=0), (grey, hatched), strict=True)
-    return [Patch(edgecolor=GREY, linewidth=0.5, **style) for shown, style in drawn if shown]
+    return [Patch(edgecolor=style.GREY, linewidth=0.5, **look) for shown, look in drawn if shown]
 
 
 def _label(result: AttitudeMap, words: str = "") -> str:
     measure = result.problem.margin.measure
-    return axis_label(f"minimum |{measure.title}|{words}", measure.unit)
+    return style.axis_label(f"minimum |{measure.title}|{words}", measure.unit)
 
 
 def _draw_slice(axes: Any, plane: Slice, norm: Normalize) -> None:
     """Draw a slice: coloured if feasible, grey if not, hatched if the start is not reached."""
     radius = np.degrees(np.sqrt(max(0.0, np.pi**2 - plane.offset**2)))
-    unreached: Any = {"facecolor": "white", "edgecolor": GREY, "linewidth": 0.0, "hatch": "////"}
-    axes.add_patch(Circle((0.0, 0.0), radius, **unreached))
-    _draw_area(axes, plane, plane.reached, np.ones_like(plane.margins), ListedColormap([PALE]))
+    white: Any = {"facecolor": "white", "edgecolor": style.GREY}
+    axes.add_patch(Circle((0.0, 0.0), radius, linewidth=0.0, hatch="////", **white))
+    ones, pale = np.ones_like(plane.margins), ListedColormap([style.PALE])
+    _draw_area(axes, plane, plane.reached, ones, pale)
     _draw_area(axes, plane, plane.margins > 0.0, plane.margins, _SHADES, norm)
-    outside: Any = {"facecolor": "white", "edgecolor": GREY, "linewidth": 0.8, "zorder": 2.2}
-    axes.add_patch(Annulus((0.0, 0.0), 360.0, 360.0 - radius, **outside))
+    axes.add_patch(Annulus((0.0, 0.0), 360.0, 360.0 - radius, linewidth=0.8, zorder=2.2, **white))
     right, up = plane.across
     if plane.mark is not None:
         place = np.degrees(rotation_vectors(plane.mark.attitude[None])[0])
         marker, size = _MARKERS.get(plane.mark.name, _OTHER_MARKER)
-        draw_point(
+        style.draw_point(
             axes, place[[right, up]], marker, size, markerfacecolor="none",
-            markeredgecolor=VERMILION, markeredgewidth=1.1, path_effects=_HALO,
+            markeredgecolor=style.VERMILION, markeredgewidth=1.1, path_effects=_HALO,
             label=plane.mark.name, zorder=4,
         )  # fmt: skip
     _frame(axes, plane)
@@ -144,8 +126,8 @@ def _draw_area(
         return
     ticks = np.degrees(plane.ticks)
     nearest = distance_transform_edt(~within, return_distances=False, return_indices=True)
-    style = {"shading": "gouraud", "rasterized": True, "zorder": 2}
-    shown = axes.pcolormesh(ticks, ticks, values[tuple(nearest)], cmap=colours, norm=norm, **style)
+    look = {"shading": "gouraud", "rasterized": True, "zorder": 2}
+    shown = axes.pcolormesh(ticks, ticks, values[tuple(nearest)], cmap=colours, norm=norm, **look)
     area = axes.contourf(ticks, ticks, within.astype(float), [0.5, 2.0], alpha=0.0)
     shown.set_clip_path(area.get_paths()[0], transform=axes.transData)
 
@@ -156,14 +138,14 @@ def _frame(axes: Any, plane: Slice) -> None:
     axes.set(xlim=(-188.0, 188.0), ylim=(-188.0, 188.0), aspect="equal")
     axes.set(xticks=np.arange(-180, 181, 90), yticks=np.arange(-180, 181, 90))
     axes.grid(visible=False)
-    axes.set_xlabel(axis_label(rf"rotation vector, $\rho_{right}$", "deg"))
-    axes.set_ylabel(axis_label(rf"$\rho_{up}$", "deg"), labelpad=0.0)
+    axes.set_xlabel(style.axis_label(rf"rotation vector, $\rho_{right}$", "deg"))
+    axes.set_ylabel(style.axis_label(rf"$\rho_{up}$", "deg"), labelpad=0.0)
     name = "centre" if plane.mark is None else plane.mark.name
     degrees = np.degrees(plane.offset)
     axes.set_title(rf"{name}: $\rho_{_COMPONENTS[plane.normal]}={degrees:.1f}$°")
 
 
-@styled
+@style.styled
 def histogram_figure(result: AttitudeMap) -> Figure:
     """The figure of the minimum margin's distribution over attitudes, per arm branch.
 
@@ -177,7 +159,7 @@ def histogram_figure(result: AttitudeMap) -> Figure:
     groups = [group for group in every if group[0] in chosen]
     titles = [_outcomes(result, *group) for group in groups]
     lines = sum(title.count("\n") + 1 for title in titles)
-    figure = new_figure(COLUMN, 0.75 + 0.6 * max(1, len(groups)) + 0.13 * lines)
+    figure = style.new_figure(style.COLUMN, 0.75 + 0.6 * max(1, len(groups)) + 0.13 * lines)
     panels = figure.subplots(max(1, len(groups)), 1, sharex=True, sharey=True, squeeze=False)[:, 0]
     if len(every) > len(groups):
         shown = f"{len(groups)} of {len(every)} branches"
@@ -206,13 +188,14 @@ def _draw_bars(axes: Any, values: Array, edges: Array, margin: float) -> None:
     """Draw bars, blue for feasible motions and grey below the margin, and the margin as a line."""
     feasible = keeps_threshold(values, margin)
     below = ~feasible & (values > 0.0)
-    for part, colour, name in ((feasible, BLUE, "margin kept"), (below, LIGHT, "below the margin")):
+    parts = (feasible, style.BLUE, "margin kept"), (below, style.LIGHT, "below the margin")
+    for part, colour, name in parts:
         if part.any():
             weights = np.full(np.count_nonzero(part), 100.0 / len(values))
-            style = {"color": colour, "linewidth": 0.0, "label": name}
-            axes.hist(values[part], edges, weights=weights, **style)
+            look = {"color": colour, "linewidth": 0.0, "label": name}
+            axes.hist(values[part], edges, weights=weights, **look)
     if margin > 0.0:
-        axes.axvline(margin, label=f"margin {digits(margin)}", **MARGIN_LINE)
+        axes.axvline(margin, label=f"margin {style.digits(margin)}", **style.MARGIN_LINE)
 
 
 def _outcomes(result: AttitudeMap, branch: int | None, values: Array) -> str:
@@ -242,7 +225,7 @@ def _percentages(result: AttitudeMap, branch: int | None, values: Array) -> list
             if part > 0.0 or words == "keep the margin"]  # fmt: skip
 
 
-@styled
+@style.styled
 def touch_points_figure(result: AttitudeMap) -> Figure:
     """The figure of S along the motions from a map's first attitudes that touch points yield.
 
@@ -251,11 +234,11 @@ def touch_points_figure(result: AttitudeMap) -> Figure:
     """
     problem = result.problem
     measure, threshold = problem.margin.measure, problem.margin.threshold
-    figure = new_figure(height=2.6)
+    figure = style.new_figure(height=2.6)
     axes = figure.subplots()
-    axes.axhline(0.0, color=BLACK, linewidth=0.6)
-    for sign, label in ((1.0, f"margin ±{amount(threshold, measure.unit)}"), (-1.0, None)):
-        axes.axhline(sign * threshold, label=label, **MARGIN_LINE)
+    axes.axhline(0.0, color=style.BLACK, linewidth=0.6)
+    for sign, label in ((1.0, f"margin ±{style.amount(threshold, measure.unit)}"), (-1.0, None)):
+        axes.axhline(sign * threshold, label=label, **style.MARGIN_LINE)
     for point, (colour, dashes) in zip(result.touch or (), _STROKES, strict=False):
         branches = {branch.index: branch for branch in problem.branches(point.attitude)}
         motion = integrate_motion(problem, point.attitude, branches[point.branch or 0].joints)
@@ -265,12 +248,12 @@ def touch_points_figure(result: AttitudeMap) -> Figure:
         place = np.array([closest.time, closest.sign * closest.value])
         marker, name = _INSIDE if point.kind in (None, TouchKind.TANGENT) else _AT_END
         known = {line.get_label() for line in axes.lines}
-        draw_point(
-            axes, place, marker, 4.0, color=colour, markeredgecolor=BLACK, zorder=5, clip_on=False,
-            label=None if name in known else name,
+        style.draw_point(
+            axes, place, marker, 4.0, color=colour, markeredgecolor=style.BLACK, zorder=5,
+            clip_on=False, label=None if name in known else name,
         )  # fmt: skip
     axes.set_xlim(0.0, problem.path.duration)
-    axes.set_xlabel(axis_label("time", "s"))
-    axes.set_ylabel(axis_label(f"$S$ ({measure.title})", measure.unit))
-    legend_above(axes)
+    axes.set_xlabel(style.axis_label("time", "s"))
+    axes.set_ylabel(style.axis_label(f"$S$ ({measure.title})", measure.unit))
+    style.legend_above(axes)
     return figure

@@ -19,25 +19,7 @@ from freefloat.planning.touching.touch_point import touches
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.rotations import Rotation
 from freefloat.so3 import Array, angle_between
-from freefloat.visualization.figure_style import (
-    BLACK,
-    BLUE,
-    COLUMN,
-    GREY,
-    MARGIN_LINE,
-    PAGE,
-    PALE,
-    VERMILION,
-    Figures,
-    amount,
-    axis_label,
-    digits,
-    draw_point,
-    legend_above,
-    new_figure,
-    strokes,
-    styled,
-)
+from freefloat.visualization import figure_style as style
 
 _CURVE_POINTS = 401
 _TURN_ERROR = 1e-9
@@ -49,7 +31,7 @@ _STRIP, _AXIS = 1.15, 0.35
 """Height of an axes and of the time axis [inch]."""
 
 
-def motion_figures(motion: Motion, closest: ClosestApproach) -> Figures:
+def motion_figures(motion: Motion, closest: ClosestApproach) -> style.Figures:
     """The figures of a motion: ``motion``, ``margin`` and ``momentum``.
 
     Args:
@@ -57,7 +39,7 @@ def motion_figures(motion: Motion, closest: ClosestApproach) -> Figures:
         closest: Closest approach of the motion to a singularity.
     """
     trajectory = Trajectory.of(motion, shown_times(motion))
-    return Figures({
+    return style.Figures({
         "motion": partial(_motion_figure, motion, trajectory),
         "margin": partial(_margin_figure, motion, trajectory, closest),
         "momentum": partial(_momentum_figure, motion),
@@ -97,7 +79,7 @@ def attitude_curves(setting: Setting, trajectory: Trajectory) -> tuple[str, Arra
 
 def draw_curves(axes: Any, times: Array, values: Array, names: Sequence[str]) -> None:
     """Draw columns of values (K, C) over time, as many as there are names."""
-    axes.set_prop_cycle(strokes(len(names)))
+    axes.set_prop_cycle(style.strokes(len(names)))
     axes.plot(times, values[:, : len(names)], label=list(names))
 
 
@@ -107,15 +89,15 @@ def draw_panel(
     """Draw quantity, values (K, C), names of columns and unit over time, and name its marks."""
     quantity, values, names, unit = curves
     draw_curves(axes, trajectory.times, values, names)
-    axes.set_ylabel(axis_label(quantity, unit))
+    axes.set_ylabel(style.axis_label(quantity, unit))
     mark_times(axes, trajectory.motion, named)
 
 
-@styled
+@style.styled
 def _motion_figure(motion: Motion, trajectory: Trajectory) -> Figure:
     """The figure of joints, attitude, rates and positions (Figs. 8 and 11)."""
     setting = motion.setting
-    figure = new_figure(PAGE, 5.0)
+    figure = style.new_figure(style.PAGE, 5.0)
     panels = figure.subplots(3, 2, sharex=True)
     scale, unit = joint_scale(setting.model)
     joints = setting.model.joint_names
@@ -142,7 +124,7 @@ def _motion_figure(motion: Motion, trajectory: Trajectory) -> Figure:
     ]
     for panel, drawn in zip(panels.flat, curves, strict=True):
         draw_panel(panel, trajectory, drawn, named=panel is panels[2, 1])
-        legend_above(panel)
+        style.legend_above(panel)
     if motion.ending is Ending.SINGULAR:
         _limit_rates(panels[0, 1], scale * trajectory.joint_rates, motion, trajectory.times)
         _limit_rates(panels[1, 1], spins, motion, trajectory.times)
@@ -154,15 +136,15 @@ def mark_times(axes: Any, motion: Motion, named: bool = False) -> None:
     """Set the time axis; mark, and name, stops and the end of a motion that is not completed."""
     axes.set_xlim(0.0, motion.law.timing.duration)
     if axes.get_subplotspec().is_last_row():
-        axes.set_xlabel(axis_label("time", "s"))
+        axes.set_xlabel(style.axis_label("time", "s"))
     for index, stop in enumerate(motion.law.timing.stops):
         label = "at rest" if named and index == 0 else None
-        line = {"color": GREY, "linestyle": (0, (4, 3)), "linewidth": 0.8, "zorder": 1}
+        line = {"color": style.GREY, "linestyle": (0, (4, 3)), "linewidth": 0.8, "zorder": 1}
         axes.axvline(stop.t, label=label, **line)
     if not motion.completed:
-        name = f"{motion.ending.name.lower()} at {digits(motion.final.time)} s"
+        name = f"{motion.ending.name.lower()} at {style.digits(motion.final.time)} s"
         label = name if named else None
-        axes.axvline(motion.final.time, color=VERMILION, linewidth=0.8, zorder=1, label=label)
+        axes.axvline(motion.final.time, color=style.VERMILION, linewidth=0.8, zorder=1, label=label)
 
 
 def _limit_rates(axes: Any, rates: Array, motion: Motion, times: Array) -> None:
@@ -174,33 +156,35 @@ def _limit_rates(axes: Any, rates: Array, motion: Motion, times: Array) -> None:
         axes.set_ylim(-_HEADROOM * largest, _HEADROOM * largest)
 
 
-@styled
+@style.styled
 def _margin_figure(motion: Motion, trajectory: Trajectory, closest: ClosestApproach) -> Figure:
     """The figure of S over time with the margin and the closest approach."""
     measure, threshold = motion.setting.margin.measure, motion.setting.margin.threshold
-    figure = new_figure(height=2.6)
+    figure = style.new_figure(height=2.6)
     axes = figure.subplots()
-    axes.axhline(0.0, color=BLACK, linewidth=0.6)
-    axes.plot(trajectory.times, trajectory.measure, color=BLUE)
+    axes.axhline(0.0, color=style.BLACK, linewidth=0.6)
+    axes.plot(trajectory.times, trajectory.measure, color=style.BLUE)
     if threshold > 0.0:
         level = closest.sign * threshold
-        axes.axhspan(0.0, level, color=PALE, linewidth=0.0, zorder=0)
-        axes.axhline(level, label=f"margin {amount(level, measure.unit)}", **MARGIN_LINE)
+        axes.axhspan(0.0, level, color=style.PALE, linewidth=0.0, zorder=0)
+        axes.axhline(
+            level, label=f"margin {style.amount(level, measure.unit)}", **style.MARGIN_LINE
+        )
     lowest = np.array([closest.time, closest.sign * closest.value])
-    style: Any = {"color": BLACK, "zorder": 5, "clip_on": False}
+    look: Any = {"color": style.BLACK, "zorder": 5, "clip_on": False}
     if motion.ending is Ending.SINGULAR:  # named at its end
-        draw_point(axes, lowest, "X", 4.0, **style)
+        style.draw_point(axes, lowest, "X", 4.0, **look)
     else:
         name = "touch point, $|S|$" if touches(closest.value, threshold) else "minimum $|S|$"
-        label = f"{name} {digits(closest.value)} at {digits(closest.time)} s"
-        draw_point(axes, lowest, "o", 4.0, label=label, **style)
+        label = f"{name} {style.digits(closest.value)} at {style.digits(closest.time)} s"
+        style.draw_point(axes, lowest, "o", 4.0, label=label, **look)
     mark_times(axes, motion, named=True)
-    axes.set_ylabel(axis_label(f"$S$ ({measure.title})", measure.unit))
-    legend_above(axes, longest=1)
+    axes.set_ylabel(style.axis_label(f"$S$ ({measure.title})", measure.unit))
+    style.legend_above(axes, longest=1)
     return figure
 
 
-@styled
+@style.styled
 def _momentum_figure(motion: Motion) -> Figure:
     """The figure of momentum and end-effector errors at the integration nodes.
 
@@ -208,15 +192,15 @@ def _momentum_figure(motion: Motion) -> Figure:
     """
     follows = motion.law.follows_path
     oriented = motion.setting.task.prescribes_orientation
-    errors = [("momentum", motion.momentum_errors(motion.node_coordinates), ".", BLUE)]
+    errors = [("momentum", motion.momentum_errors(motion.node_coordinates), ".", style.BLUE)]
     rows = [(errors, "N m s")]
     if follows:
         position, orientation = motion.end_effector_errors.T
-        errors = [("end-effector position", position, ".", BLUE)]
+        errors = [("end-effector position", position, ".", style.BLUE)]
         if oriented:
-            errors.append(("end-effector orientation", orientation, "x", VERMILION))
+            errors.append(("end-effector orientation", orientation, "x", style.VERMILION))
         rows.append((errors, "m, rad" if oriented else "m"))
-    figure = new_figure(height=3.2 if follows else 1.8)
+    figure = style.new_figure(height=3.2 if follows else 1.8)
     panels = figure.subplots(len(rows), 1, sharex=True, squeeze=False)[:, 0]
     for axes, (curves, unit) in zip(panels, rows, strict=True):
         for name, values, marker, colour in curves:
@@ -224,15 +208,15 @@ def _momentum_figure(motion: Motion) -> Figure:
                 motion.times, np.where(values > 0.0, values, np.nan), color=colour, label=name,
                 linestyle="none", marker=marker, markersize=2.2, markeredgewidth=0.6,
             )  # fmt: skip
-        axes.set_ylabel(axis_label("error", unit))
+        axes.set_ylabel(style.axis_label("error", unit))
         axes.set_yscale("log")
         mark_times(axes, motion, named=axes is panels[0])
-        legend_above(axes)
+        style.legend_above(axes)
     figure.align_ylabels()
     return figure
 
 
-@styled
+@style.styled
 def angles_figure(motion: Motion, limits: AttitudeLimits) -> Figure:
     """The figure of limited angles over time, with an axes per limit.
 
@@ -240,21 +224,21 @@ def angles_figure(motion: Motion, limits: AttitudeLimits) -> Figure:
         motion: The motion.
         limits: Limits of axes and of the spacecraft's turn, at least one.
     """
-    figure = new_figure(COLUMN, _AXIS + _STRIP * limits.number)
+    figure = style.new_figure(style.COLUMN, _AXIS + _STRIP * limits.number)
     panels = figure.subplots(limits.number, 1, sharex=True, squeeze=False)[:, 0]
     times = shown_times(motion)
     curves = limited_angles(motion, limits)
     for axes, (name, side, allowed, angles) in zip(panels, curves, strict=True):
-        axes.plot(times, np.degrees(angles), color=BLUE, label=name)
+        axes.plot(times, np.degrees(angles), color=style.BLUE, label=name)
         bound = np.degrees(allowed)
-        axes.axhline(bound, label=f"{side} {digits(bound)}°", **MARGIN_LINE)
+        axes.axhline(bound, label=f"{side} {style.digits(bound)}°", **style.MARGIN_LINE)
         low, high = axes.get_ylim()
         forbidden = (low, bound) if side == Keep.OUTSIDE else (bound, high)
-        axes.axhspan(*forbidden, color=PALE, linewidth=0.0, zorder=0)
+        axes.axhspan(*forbidden, color=style.PALE, linewidth=0.0, zorder=0)
         axes.set_ylim(low, high)
-        axes.set_ylabel(axis_label("angle", "deg"))
+        axes.set_ylabel(style.axis_label("angle", "deg"))
         mark_times(axes, motion, named=axes is panels[0])
-        legend_above(axes)
+        style.legend_above(axes)
     figure.align_ylabels()
     return figure
 

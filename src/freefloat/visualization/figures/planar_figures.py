@@ -18,22 +18,7 @@ from freefloat.planning.touching.touch_point import TouchKind, TouchPoint
 from freefloat.regions.margin_curves import MarginCurve, level_curves
 from freefloat.regions.planar_regions import PlanarArm, point_3, point_3_on_path, two_angles
 from freefloat.so3 import Array
-from freefloat.visualization.figure_style import (
-    BLACK,
-    BLUE,
-    COLUMN,
-    GREEN,
-    GREY,
-    MARGIN_LINE,
-    STROKES,
-    amount,
-    axis_label,
-    digits,
-    draw_point,
-    legend_above,
-    new_figure,
-    styled,
-)
+from freefloat.visualization import figure_style as style
 
 _FEW = 2
 """Largest number of arm branches whose labels are written in full."""
@@ -55,10 +40,10 @@ _APART = 30.0
 """Least distance of touch points that are lettered [deg]."""
 _NUDGE = np.array([0.0, 0.05])
 """Step across a curve, by which the side of larger S is found [deg]."""
-_OUTLINED: Any = {"color": GREEN, "markeredgecolor": BLACK, "zorder": 7}
+_OUTLINED: Any = {"color": style.GREEN, "markeredgecolor": style.BLACK, "zorder": 7}
 
 
-@styled
+@style.styled
 def headings_figure(
     result: HeadingMap, ranges: Sequence[BranchRanges] = (), chosen: tuple[int, float] | None = None
 ) -> Figure:
@@ -71,30 +56,30 @@ def headings_figure(
     """
     curves = _curves(result, ranges)
     measure = result.problem.margin.measure
-    figure = new_figure(COLUMN, 0.7 + 1.35 * len(curves))
+    figure = style.new_figure(style.COLUMN, 0.7 + 1.35 * len(curves))
     panels = figure.subplots(len(curves), 1, sharex=True, squeeze=False)[:, 0]
     for axes, (branch, name, values, spans) in zip(panels, curves, strict=True):
         short = short_label(name) if len(curves) > _FEW else ""
-        axes.plot(np.degrees(result.headings), values, color=BLUE, label=short or name)
+        axes.plot(np.degrees(result.headings), values, color=style.BLUE, label=short or name)
         for number, (low, high) in enumerate(spans):
             label = "feasible" if number == 0 else None
             axes.axvspan(low, high, color=_FEASIBLE, linewidth=0.0, zorder=0, label=label)
         if (unreached := np.isnan(values)).any():
             axes.fill_between(
                 np.degrees(result.headings), 0.0, 1.0, where=unreached, step="mid",
-                transform=axes.get_xaxis_transform(), facecolor="white", edgecolor=GREY,
+                transform=axes.get_xaxis_transform(), facecolor="white", edgecolor=style.GREY,
                 hatch="////", linewidth=0.0, zorder=0, label="start out of reach",
             )  # fmt: skip
         margin = result.problem.margin.threshold
         if margin > 0.0:
-            axes.axhline(margin, label=f"margin {digits(margin)}", **MARGIN_LINE)
+            axes.axhline(margin, label=f"margin {style.digits(margin)}", **style.MARGIN_LINE)
         if chosen is not None and branch in (None, chosen[0]):
-            axes.axvline(np.degrees(chosen[1]), color=BLACK, linestyle=":", label="chosen")
+            axes.axvline(np.degrees(chosen[1]), color=style.BLACK, linestyle=":", label="chosen")
         axes.set_xlim(0.0, 360.0)
-        axes.set_ylabel(axis_label(f"min |{measure.title}|", measure.unit))
-        legend_above(axes, columns=3 if unreached.any() else None)
+        axes.set_ylabel(style.axis_label(f"min |{measure.title}|", measure.unit))
+        style.legend_above(axes, columns=3 if unreached.any() else None)
     panels[-1].set_xticks(np.arange(0, 361, 60))
-    panels[-1].set_xlabel(axis_label("initial heading", "deg"))
+    panels[-1].set_xlabel(style.axis_label("initial heading", "deg"))
     return figure
 
 
@@ -133,7 +118,7 @@ def _sampled_spans(result: HeadingMap, branch: int | None) -> list[list[float]]:
     return spans
 
 
-@styled
+@style.styled
 def joint_space_figure(
     problem: Problem,
     motions: Sequence[Motion],
@@ -149,7 +134,7 @@ def joint_space_figure(
         touching: Motions that just keep the margin, with their touch points: C inside the path
             (Case I), E at an end (Case II).
     """
-    figure = new_figure(COLUMN, 4.0 if motions or touching else 3.6)
+    figure = style.new_figure(style.COLUMN, 4.0 if motions or touching else 3.6)
     axes = figure.subplots()
     arm = PlanarArm.of(problem.model)
     curves = _draw_levels(axes, problem, arm)
@@ -161,16 +146,16 @@ def joint_space_figure(
     for number, (motion, _) in enumerate(touching):
         label = None if number else "touching motion"
         rows = motion_curve(motion)
-        axes.plot(*rows.T, color=GREEN, linestyle="-", linewidth=0.9, label=label, zorder=3)
+        axes.plot(*rows.T, color=style.GREEN, linestyle="-", linewidth=0.9, label=label, zorder=3)
     _draw_touch_points(axes, points, drawn_before)
-    drawn = zip(motions, STROKES, [*reasons, "", ""], strict=False)
+    drawn = zip(motions, style.STROKES, [*reasons, "", ""], strict=False)
     for number, (motion, (colour, dashes), reason) in enumerate(drawn):
         _draw_motion(axes, motion, colour, dashes, reason, named=number == 0)
     _name_curves(axes, arm, curves, np.vstack([np.empty((0, 2)), *others]))
     axes.set(xlim=(-180.0, 180.0), ylim=(-90.0, 270.0), aspect="equal")
     axes.set(xticks=np.arange(-180, 181, 90), yticks=np.arange(-90, 271, 90))
-    axes.set(xlabel=axis_label("$q_1$", "deg"), ylabel=axis_label("$q_2$", "deg"))
-    legend_above(axes, columns=3)
+    axes.set(xlabel=style.axis_label("$q_1$", "deg"), ylabel=style.axis_label("$q_2$", "deg"))
+    style.legend_above(axes, columns=3)
     return figure
 
 
@@ -196,11 +181,11 @@ def _draw_levels(axes: Any, problem: Problem, arm: PlanarArm) -> list[MarginCurv
         levels += [(margin.threshold, (0, (5, 1.5)), 0.8), (-margin.threshold, (0, (1, 1.2)), 0.8)]
     curves = level_curves(arm, *(value for value, _, _ in levels))
     for value, dashes, width in levels:
-        shown = amount(value, margin.measure.unit) if value else "0 (singular)"
+        shown = style.amount(value, margin.measure.unit) if value else "0 (singular)"
         label: str | None = f"$S$ = {shown}"
         for curve in (curve for curve in curves if curve.level == value):
             rows = wrapped(np.degrees(curve.joints))
-            axes.plot(*rows.T, color=BLACK, linestyle=dashes, linewidth=width, label=label)
+            axes.plot(*rows.T, color=style.BLACK, linestyle=dashes, linewidth=width, label=label)
             label = None
     return [curve for curve in curves if curve.level >= 0.0]
 
@@ -242,7 +227,7 @@ def _draw_touch_points(axes: Any, points: Sequence[TouchPoint], others: Array) -
         label: str | None = f"touch point {letter}"
         lettered = [np.full(2, np.inf)]
         for place in (mark for mark, kind in zip(marks, tangent, strict=True) if kind is inside):
-            draw_point(axes, place, marker, 4.0, label=label, **_OUTLINED)
+            style.draw_point(axes, place, marker, 4.0, label=label, **_OUTLINED)
             label = None
             if min(np.linalg.norm(place - other) for other in lettered) > _APART:
                 spot = _freest(place + _BESIDE, others)
@@ -264,20 +249,20 @@ def _draw_distances(
     inner = {p.time for p in points if p.kind is not TouchKind.TANGENT and 0.0 < p.time < last}
     curves = [
         (0.0, (0, (6, 2)), "A", "start"), (last, (0, (1, 1.5)), "B", "end"),
-        *((time, (0, (3, 1, 1, 1)), "E", f"{digits(time)} s") for time in sorted(inner)),
+        *((time, (0, (3, 1, 1, 1)), "E", f"{style.digits(time)} s") for time in sorted(inner)),
     ]  # fmt: skip
     for time, dashes, letter, name in curves:
         level = abs(point_3_on_path(problem, time))
         if radii.min() < level < radii.max():
             curve = axes.contour(
-                np.degrees(across), np.degrees(up), radii, levels=[level], colors=[GREY],
+                np.degrees(across), np.degrees(up), radii, levels=[level], colors=[style.GREY],
                 linestyles=[dashes], linewidths=1.0,
             )  # fmt: skip
             place = _freest(np.vstack(curve.allsegs[0]), others)
             others = np.vstack([others, *curve.allsegs[0]])
             axes.text(*place, f"$R_{letter}$", **_LETTER)
             label = f"$R_{letter}$ ({name})"
-            axes.plot([], [], color=GREY, linestyle=dashes, linewidth=1.0, label=label)
+            axes.plot([], [], color=style.GREY, linestyle=dashes, linewidth=1.0, label=label)
 
 
 def _draw_motion(
@@ -289,10 +274,10 @@ def _draw_motion(
     """
     heading = np.degrees(motion.setting.plane.heading(motion.initial.attitude))
     rows = motion_curve(motion)
-    label = f"heading {digits(heading)}°" + (f",\n{reason}" if reason else "")
+    label = f"heading {style.digits(heading)}°" + (f",\n{reason}" if reason else "")
     axes.plot(*rows.T, color=colour, linestyle=dashes, linewidth=1.6, label=label, zorder=4)
-    style: Any = {"color": colour, "zorder": 5}
+    look: Any = {"color": colour, "zorder": 5}
     begins, ends = ("begins", "ends") if named else (None, None)
-    draw_point(axes, rows[0], "o", 4.5, markerfacecolor="white", label=begins, **style)
+    style.draw_point(axes, rows[0], "o", 4.5, markerfacecolor="white", label=begins, **look)
     marker, name = ("X", "singular") if motion.ending is Ending.SINGULAR else ("o", ends)
-    draw_point(axes, rows[-1], marker, 4.5, label=name, **style)
+    style.draw_point(axes, rows[-1], marker, 4.5, label=name, **look)

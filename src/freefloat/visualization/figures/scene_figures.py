@@ -26,19 +26,7 @@ from freefloat.robot.meshes import Mesh
 from freefloat.robot.shapes import Box, Cylinder, corners
 from freefloat.scene.scene_body import SceneBody
 from freefloat.so3 import Array, Pose, cross
-from freefloat.visualization.figure_style import (
-    BLACK,
-    COLUMN,
-    GREY,
-    ORANGE,
-    PAGE,
-    VERMILION,
-    digits,
-    draw_point,
-    legend_above,
-    new_figure,
-    styled,
-)
+from freefloat.visualization import figure_style as style
 from freefloat.visualization.figures.workspace_figure import draw_areas, draw_lines, draw_path
 from freefloat.visualization.scenes.overlays import surface_of_revolution
 from freefloat.visualization.scenes.surroundings import body_visuals
@@ -53,9 +41,9 @@ from freefloat.visualization.scenes.visuals import (
 )
 
 _INSTANTS, _VIEWS = 5, 3
+"""Number of robots drawn in the plane and in space."""
 _WAY_POINTS = 301
 """Points of the lines of paths."""
-"""Number of robots drawn in the plane and in space."""
 _LIGHTEST = 0.72
 _FACE = "#D0D0D0"
 _FACES = [[0, 1, 3, 2], [4, 5, 7, 6], [0, 1, 5, 4], [2, 3, 7, 6], [0, 2, 6, 4], [1, 3, 7, 5]]
@@ -73,7 +61,10 @@ _SPHERE, _DECIMALS = 400, 9
 """Points on a sphere, and decimals of those of outlines [m]."""
 _JOGGLE = "QJ"  # of Qhull, for flat shapes
 _ARM: Any = {"linestyle": "-", "linewidth": 1.4, "marker": "o", "markersize": 2.4}
-_BODY: Any = {"facecolor": ORANGE, "edgecolor": ORANGE, "linewidth": 0.8, "alpha": 0.3, "zorder": 1}
+_BODY: Any = {
+    "facecolor": style.ORANGE, "edgecolor": style.ORANGE, "linewidth": 0.8, "alpha": 0.3,
+    "zorder": 1,
+}  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,7 +118,7 @@ def _spacecraft_boxes(visuals: Visuals) -> Array:
     return np.array([largest, *(box for box in large if not np.array_equal(box, largest))])
 
 
-@styled
+@style.styled
 def snapshots_figure(motion: Motion, workspace: Workspace | None = None) -> Figure:
     """The figure of the robot, and its scene, at several instants (Figs. 6, 7, 9 and 10).
 
@@ -136,18 +127,18 @@ def snapshots_figure(motion: Motion, workspace: Workspace | None = None) -> Figu
         workspace: Areas drawn behind a planar motion.
     """
     if motion.setting.task.planar:
-        figure = new_figure(COLUMN, COLUMN)
+        figure = style.new_figure(style.COLUMN, style.COLUMN)
         axes = figure.subplots()
         draw_snapshots(axes, motion, workspace)
-        legend_above(axes, columns=3)
+        style.legend_above(axes, columns=3)
         return figure
-    figure = new_figure(PAGE, 3.0)
+    figure = style.new_figure(style.PAGE, 3.0)
     views = figure.subplots(1, _VIEWS, subplot_kw={"projection": "3d"})
     times = np.linspace(motion.initial.time, motion.final.time, _VIEWS)
     robots = outlines(motion, times)
     for axes, robot, time in zip(views, robots, times, strict=True):
         _draw_in_space(axes, motion, robot, float(time))
-        axes.set_title(f"{digits(time)} s", y=1.0)
+        axes.set_title(f"{style.digits(time)} s", y=1.0)
     _mark_singular(views[-1], motion)
     bodies = np.array([[robot.spacecraft[0].mean(axis=0), *robot.arm[1:]] for robot in robots])
     parts = [part for robot in robots for part in (*robot.spacecraft, robot.arm, *robot.others)]
@@ -194,21 +185,21 @@ def _mark_singular(axes: Any, motion: Motion, plane: Plane | None = None) -> Non
         position = motion.law.target(final.time, final.attitude, final.joints).position
         if plane is not None:
             position = plane.seen(position)[:2]
-        label = f"singular at {digits(motion.final.time)} s"
-        draw_point(axes, position, "X", 6.0, color=VERMILION, zorder=9, label=label)
+        label = f"singular at {style.digits(motion.final.time)} s"
+        style.draw_point(axes, position, "X", 6.0, color=style.VERMILION, zorder=9, label=label)
 
 
 def _draw_in_space(axes: Any, motion: Motion, robot: Outline, time: float) -> None:
     """Draw paths, robot and bodies of the scene at a time [s]."""
     draw_lines(axes, _ways(motion))
     faces = robot.spacecraft[:, _FACES].reshape(-1, 4, 3)
-    style = {"facecolors": _FACE, "edgecolors": GREY, "linewidths": 0.6, "alpha": 0.45}
-    axes.add_collection3d(Poly3DCollection(faces, **style))
+    look = {"facecolors": _FACE, "edgecolors": style.GREY, "linewidths": 0.6, "alpha": 0.45}
+    axes.add_collection3d(Poly3DCollection(faces, **look))
     for points in (robot.arm, *robot.others):
-        _draw_arm(axes, points, BLACK)
+        _draw_arm(axes, points, style.BLACK)
     for _, points in outline_points(motion, time):
         faces = points[scipy.spatial.ConvexHull(points, qhull_options=_JOGGLE).simplices]
-        axes.add_collection3d(Poly3DCollection(faces, facecolors=ORANGE, alpha=0.25))
+        axes.add_collection3d(Poly3DCollection(faces, facecolors=style.ORANGE, alpha=0.25))
 
 
 def _draw_bodies(axes: Any, motion: Motion, times: Array) -> None:
@@ -280,7 +271,7 @@ def _set_equal_scales(views: Any, points: Array, eye: Array) -> None:
             axis.set_major_locator(MaxNLocator(count, prune="both"))
             axis.set_tick_params(labelbottom=False, color="none")
             axis.line.set_color("none")
-            axes.plot(*ends.T, color=BLACK, linestyle="-", linewidth=0.6)
+            axes.plot(*ends.T, color=style.BLACK, linestyle="-", linewidth=0.6)
             _number_edge(axes, letter, ends, middle)
 
 
@@ -297,7 +288,7 @@ def _number_edge(axes: Any, letter: str, ends: Array, middle: Array) -> None:
     normal = np.array([-along[1], along[0]]) / np.linalg.norm(along)
     normal *= np.sign(normal @ beside)
     side, above = np.round(normal).astype(int)
-    texts = [digits(value) for value in values]
+    texts = [style.digits(value) for value in values]
     texts[0] = f"${letter}$ = {texts[0]} m"
     sides = [side or int(np.sign(along[0])), *[side] * len(texts)]  # away from the other numbers
     for text, place, aside in zip(texts, places, sides, strict=False):

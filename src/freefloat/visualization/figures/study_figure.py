@@ -15,23 +15,16 @@ from matplotlib.ticker import MaxNLocator
 from freefloat.dynamics.measures import measure_title
 from freefloat.so3 import Array
 from freefloat.statistics import confidence_interval
-from freefloat.visualization.figure_style import (
-    BLUE,
-    GREY,
-    ORANGE,
-    PAGE,
-    VERMILION,
-    amount,
-    axis_label,
-    new_figure,
-    styled,
-)
+from freefloat.visualization import figure_style as style
 
 _MAX_PANELS = 12
 _COLUMNS = 3
 _HEIGHT = 2.1
 """Height of a panel [inch]."""
-_MARKS = {"feasible": ("o", BLUE), "infeasible": ("x", ORANGE), "error": ("|", VERMILION)}
+_MARKS = {
+    "feasible": ("o", style.BLUE), "infeasible": ("x", style.ORANGE),
+    "error": ("|", style.VERMILION),
+}  # fmt: skip
 _MAX_POINTS = 1000
 """Runs above which their density is drawn."""
 _BINS = 40
@@ -54,7 +47,7 @@ _LABEL_LENGTH = 28
 Column = npt.NDArray[Any]
 
 
-@styled
+@style.styled
 def study_figure(
     table: Mapping[str, Column],
     parameters: Mapping[str, str],
@@ -87,7 +80,7 @@ def study_figure(
     varied = [key for key in every if key in strongest]
     across = 2 if len(varied) == 4 else max(1, min(_COLUMNS, len(varied)))
     down, wide = math.ceil(len(varied) / across), 6 // across
-    figure = new_figure(PAGE, 0.4 + _HEIGHT * (1 + down))
+    figure = style.new_figure(style.PAGE, 0.4 + _HEIGHT * (1 + down))
     grid = figure.add_gridspec(1 + down, 6)
     histogram, estimate = (figure.add_subplot(grid[0, half]) for half in (slice(3), slice(3, 6)))
     panels = [
@@ -98,16 +91,16 @@ def study_figure(
     required = np.unique(table["margin_required"][~np.isnan(table["margin_required"])])
     measure = next(filter(None, table["measure"]), None)
     quantity = "minimum margin" if measure is None else f"minimum |{measure_title(measure)}|"
-    label = f"margin {amount(required[0], unit)}" if len(required) == 1 else ""
+    label = f"margin {style.amount(required[0], unit)}" if len(required) == 1 else ""
     if limited:
         _draw_limiting(histogram, limiting[known], verdicts[known])
         if ratios is not None:
             quantity, unit, required, label = "largest ratio", "1", np.ones(1), "limit"
     else:
         _draw_histogram(histogram, table["margin"], verdicts)
-        histogram.set_xlabel(axis_label(quantity, unit))
+        histogram.set_xlabel(style.axis_label(quantity, unit))
     if label and not limited:
-        histogram.axvline(*required, color=GREY, linestyle="--", linewidth=0.8)
+        histogram.axvline(*required, color=style.GREY, linestyle="--", linewidth=0.8)
     highest = drawn.max(initial=1e-9)
     lowest = min(drawn.min(initial=np.inf), highest, *(required if label else ()))
     densities = []
@@ -115,10 +108,11 @@ def study_figure(
         densities += _panel(axes, table[key], drawn, verdicts)
         axes.set_xlabel(_short(parameters[key]))
         if label:
-            axes.axhline(*required, color=GREY, linestyle="--", linewidth=0.8, label=label)
+            axes.axhline(*required, color=style.GREY, linestyle="--", linewidth=0.8, label=label)
         axes.set_ylim(bottom=lowest - 0.05 * (highest - lowest or highest))
         if place % across == 0:
-            axes.set_ylabel(axis_label(quantity, unit), fontsize=7.0)  # not taller than the panel
+            label_size = 7.0  # not taller than the panel
+            axes.set_ylabel(style.axis_label(quantity, unit), fontsize=label_size)
         else:
             axes.tick_params(labelleft=False)
     named = [axes.get_legend_handles_labels() for axes in (histogram, *panels[:1])]
@@ -210,9 +204,9 @@ def _draw_estimate(axes: Any, verdicts: Column) -> None:
     low, high = np.transpose(
         [confidence_interval(int(k), int(n)) for k, n in zip(found, counts, strict=True)]
     )
-    axes.plot(counts, found / counts, color=BLUE)
+    axes.plot(counts, found / counts, color=style.BLUE)
     label = "95 % confidence interval"
-    axes.fill_between(counts, low, high, color=BLUE, alpha=0.2, linewidth=0.0, label=label)
+    axes.fill_between(counts, low, high, color=style.BLUE, alpha=0.2, linewidth=0.0, label=label)
     axes.set_xscale("log")
     axes.legend(loc="best")
 

@@ -16,19 +16,7 @@ from freefloat.paths.timed_path import TimedPath
 from freefloat.regions.planar_regions import Interval
 from freefloat.regions.workspace import Workspace
 from freefloat.so3 import Array, Pose
-from freefloat.visualization.figure_style import (
-    BLACK,
-    BLUE,
-    COLUMN,
-    GREEN,
-    GREY,
-    PAGE,
-    axis_label,
-    draw_point,
-    legend_above,
-    new_figure,
-    styled,
-)
+from freefloat.visualization import figure_style as style
 
 _S = np.linspace(0.0, 1.0, 301)
 """Path parameters at which paths are drawn."""
@@ -39,7 +27,7 @@ _AREAS = {(True, False): ("PDW A", "#C4C4C4"), (False, True): ("PDW B", "#DEDEDE
 """Names and colours of path-dependent areas, by whether they are of curve I and of curve II."""
 
 
-@styled
+@style.styled
 def workspace_figure(problem: Problem, workspace: Workspace) -> Figure:
     """The figure of path-dependent and path-independent areas with the path.
 
@@ -47,21 +35,24 @@ def workspace_figure(problem: Problem, workspace: Workspace) -> Figure:
     shells, drawn over the distance from the centre of mass, and exact ones also in a cross-section.
     """
     if problem.task.planar:
-        figure = new_figure(COLUMN, COLUMN)
+        figure = style.new_figure(style.COLUMN, style.COLUMN)
         axes = figure.subplots()
         draw_areas(axes, workspace)
-        draw_path(axes, _paths(problem), problem.plane, workspace)
+        paths = [path.pose_at(_S) for path in problem.path.every]
+        draw_path(axes, paths, problem.plane, workspace)
         points = _sampled_path(problem.path, workspace.offset)
         _draw_crossings(axes, workspace, problem.plane.seen(points)[:, :2])
-        legend_above(axes, columns=3)
+        style.legend_above(axes, columns=3)
         return figure
-    figure = new_figure(PAGE if workspace.exact else COLUMN, 3.4 if workspace.exact else 2.6)
+    figure = style.new_figure(
+        style.PAGE if workspace.exact else style.COLUMN, 3.4 if workspace.exact else 2.6
+    )
     *sections, axes = figure.subplots(1, 2 if workspace.exact else 1, squeeze=False)[0]
     for section in sections:
         _draw_section(section, problem, workspace)
     _draw_distances(axes, problem, workspace)
     if not sections:
-        legend_above(axes, columns=3)
+        style.legend_above(axes, columns=3)
     return figure
 
 
@@ -77,12 +68,12 @@ def _draw_section(axes: Any, problem: Problem, workspace: Workspace) -> None:
     unit = np.column_stack([np.cos(angles), np.sin(angles)])
     path = np.linalg.norm(points, axis=1)[:, None] * unit
     draw_areas(axes, workspace)
-    axes.plot(*path.T, color=BLUE, linestyle="-", linewidth=1.6, label=workspace.point)
+    axes.plot(*path.T, color=style.BLUE, linestyle="-", linewidth=1.6, label=workspace.point)
     _draw_ends(axes, path, named=True)
     _draw_crossings(axes, workspace, path)
-    axes.set(aspect="equal", xlabel=axis_label("in a cross-section", "m"))
-    axes.set_ylabel(axis_label("in a cross-section", "m"))
-    legend_above(axes, columns=3)
+    axes.set(aspect="equal", xlabel=style.axis_label("in a cross-section", "m"))
+    axes.set_ylabel(style.axis_label("in a cross-section", "m"))
+    style.legend_above(axes, columns=3)
 
 
 def _draw_crossings(axes: Any, workspace: Workspace, path: Array) -> None:
@@ -91,7 +82,7 @@ def _draw_crossings(axes: Any, workspace: Workspace, path: Array) -> None:
     for (s, _), dependent in workspace.path if workspace.exact else ():
         if dependent and s > 0.0:
             place = np.array([np.interp(s, _S, column) for column in path.T])
-            draw_point(axes, place, "D", 3.6, color=BLACK, zorder=8, label=label)
+            style.draw_point(axes, place, "D", 3.6, color=style.BLACK, zorder=8, label=label)
             axes.annotate("E", place, (4.0, 4.0), textcoords="offset points", zorder=8)
             label = None
 
@@ -103,11 +94,11 @@ def _draw_distances(axes: Any, problem: Problem, workspace: Workspace) -> None:
         axes.axhspan(low, high, color=colour, linewidth=0.0, zorder=0, label=label)
     for radius in workspace.reach:
         label = "reach" if radius == workspace.reach[1] else None
-        axes.axhline(radius, color=GREY, linewidth=0.7, label=label)
-    axes.plot(_S, np.linalg.norm(points, axis=1), color=BLUE, label=workspace.point)
+        axes.axhline(radius, color=style.GREY, linewidth=0.7, label=label)
+    axes.plot(_S, np.linalg.norm(points, axis=1), color=style.BLUE, label=workspace.point)
     axes.set(xlim=(0.0, 1.0), ylim=(0.0, 1.05 * workspace.reach[1]))
-    axes.set_xlabel(axis_label("path parameter $s$", "1"))
-    axes.set_ylabel(axis_label("distance from centre", "m"))
+    axes.set_xlabel(style.axis_label("path parameter $s$", "1"))
+    axes.set_ylabel(style.axis_label("distance from centre", "m"))
 
 
 def _sampled_path(path: TimedPath, offset: Array = _TIP) -> Array:
@@ -158,13 +149,9 @@ def draw_areas(axes: Any, workspace: Workspace) -> None:
         )  # fmt: skip
         axes.add_patch(ring)
     for radius in workspace.reach:
-        axes.add_patch(Circle((0.0, 0.0), radius, fill=False, edgecolor=GREY, linewidth=0.7))
-    axes.plot([], [], color=GREY, linestyle="-", linewidth=0.7, label="limits of reach")
-    draw_point(axes, np.zeros(2), "+", 6.0, color=BLACK, label="centre of mass")
-
-
-def _paths(problem: Problem) -> list[Pose]:
-    return [path.pose_at(_S) for path in problem.path.every]
+        axes.add_patch(Circle((0.0, 0.0), radius, fill=False, edgecolor=style.GREY, linewidth=0.7))
+    axes.plot([], [], color=style.GREY, linestyle="-", linewidth=0.7, label="limits of reach")
+    style.draw_point(axes, np.zeros(2), "+", 6.0, color=style.BLACK, label="centre of mass")
 
 
 def draw_path(axes: Any, paths: Sequence[Pose], plane: Plane, workspace: Workspace | None) -> None:
@@ -175,11 +162,11 @@ def draw_path(axes: Any, paths: Sequence[Pose], plane: Plane, workspace: Workspa
     draw_lines(axes, paths, plane)
     if workspace is not None and workspace.offset.any():
         points = paths[0].position + paths[0].rotation @ workspace.offset
-        style = {"color": GREEN, "linestyle": "--", "linewidth": 1.3}
-        axes.plot(*plane.seen(points)[:, :2].T, label=workspace.point, **style)
+        look = {"color": style.GREEN, "linestyle": "--", "linewidth": 1.3}
+        axes.plot(*plane.seen(points)[:, :2].T, label=workspace.point, **look)
     axes.set_aspect("equal")
-    axes.set_xlabel(axis_label(f"${plane.letters[0]}$", "m"))
-    axes.set_ylabel(axis_label(f"${plane.letters[1]}$", "m"))
+    axes.set_xlabel(style.axis_label(f"${plane.letters[0]}$", "m"))
+    axes.set_ylabel(style.axis_label(f"${plane.letters[1]}$", "m"))
 
 
 def draw_lines(axes: Any, paths: Sequence[Pose], plane: Plane | None = None) -> None:
@@ -188,12 +175,12 @@ def draw_lines(axes: Any, paths: Sequence[Pose], plane: Plane | None = None) -> 
         path, named = poses.position, number == 0
         if plane is not None:
             path = plane.seen(path)[:, :2]
-        line = {"color": BLUE, "linestyle": "-", "linewidth": 1.6}
+        line = {"color": style.BLUE, "linestyle": "-", "linewidth": 1.6}
         axes.plot(*path.T, label="path" if named else None, **line)
         _draw_ends(axes, path, named=named)
 
 
 def _draw_ends(axes: Any, path: Array, *, named: bool) -> None:
-    for place, name, fill in ((path[0], "start", "white"), (path[-1], "end", BLUE)):
-        style = {"color": BLUE, "markerfacecolor": fill, "zorder": 6}
-        draw_point(axes, place, "s", 4.5, label=name if named else None, **style)
+    for place, name, fill in ((path[0], "start", "white"), (path[-1], "end", style.BLUE)):
+        look = {"color": style.BLUE, "markerfacecolor": fill, "zorder": 6}
+        style.draw_point(axes, place, "s", 4.5, label=name if named else None, **look)

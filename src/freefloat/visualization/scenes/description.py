@@ -163,14 +163,11 @@ class MarginColours:
         """The content of the page's legend."""
         stops = np.linspace(self.margin.threshold, self.largest, _STOPS)
         return {
-            "measure": self.margin.measure.title,
-            "unit": self.margin.measure.unit,
-            "margin": self.margin.threshold,
-            "largest": self.largest,
-            "below": to_hex(_BELOW),
+            "measure": self.margin.measure.title, "unit": self.margin.measure.unit,
+            "margin": self.margin.threshold, "largest": self.largest, "below": to_hex(_BELOW),
             "limited": self.limited,
             "stops": [to_hex(colour) for colour in self(stops)] if self.used else [],
-        }
+        }  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -207,16 +204,12 @@ class SceneDescription:
 
     def to_dict(self) -> dict[str, Any]:
         """The description as the page's script reads it."""
+        samples = self.samples
         return {
-            "title": self.title,
-            "start": self.start,
-            "duration": self.duration,
+            "title": self.title, "start": self.start, "duration": self.duration,
             "scenes": [asdict(scene) for scene in self.scenes],
             "items": [{"name": name, "visible": shown} for name, shown in self.items.items()],
-            "scale": self.legend,
-            "view": asdict(self.view),
-            "remarks": list(self.remarks),
+            "scale": self.legend, "view": asdict(self.view), "remarks": list(self.remarks),
             "sequence": self.sequence,
-            "samples": self.samples
-            and {"columns": self.samples.columns, "parts": self.samples.parts},
-        }
+            "samples": samples and {"columns": samples.columns, "parts": samples.parts},
+        }  # fmt: skip

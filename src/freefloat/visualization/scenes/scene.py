@@ -20,29 +20,13 @@ from freefloat.planning.simulation import Simulation
 from freefloat.regions.workspace import exact_workspace
 from freefloat.rotations import Rotation
 from freefloat.so3 import Array
+from freefloat.visualization.scenes import overlays
 from freefloat.visualization.scenes.description import (
     MarginColours,
     SceneDescription,
     TitledScene,
     Trail,
     View,
-)
-from freefloat.visualization.scenes.overlays import (
-    AREAS,
-    BASE_AXES,
-    END_EFFECTOR_AXES,
-    ITEMS,
-    SIDES,
-    TABLE,
-    TRAIL,
-    draw_areas,
-    draw_axes,
-    draw_centre,
-    draw_ending,
-    draw_path,
-    draw_table,
-    draw_trail,
-    thickness,
 )
 from freefloat.visualization.scenes.sampled_motion import MAX_KEYS, POINTING, SampledMotion
 from freefloat.visualization.scenes.scene_builder import ROOT, PageScene, SceneBuilder, node
@@ -128,12 +112,10 @@ def motion_scene(
     areas_of = cache(exact_workspace)
     pointing = () if limits is None else limits.pointing
     limit = MAX_KEYS // len(nodes)
-    samples = [
-        SampledMotion.of(
-            motion, visuals_of(motion.model), areas_of(motion.setting), pointing, limit
-        )
-        for motion in motions.values()
-    ]
+    samples = []
+    for motion in motions.values():
+        drawn = visuals_of(motion.model), areas_of(motion.setting)
+        samples.append(SampledMotion.of(motion, *drawn, pointing, limit))
     places = places or [Place()] * len(samples)
     start = places[0].start
     places = [replace(place, start=place.start - start) for place in places]
@@ -148,8 +130,8 @@ def motion_scene(
     )
     others = dict.fromkeys(item for sampled in samples for item in sampled.surroundings.items)
     others |= {POINTING: None} if pointing else {}
-    others |= {TABLE: None} if setting.model.on_table else {}
-    items = {item: item != AREAS or planar for item in (ROBOT, *ITEMS, *others)}
+    others |= {overlays.TABLE: None} if setting.model.on_table else {}
+    items = {item: item != overlays.AREAS or planar for item in (ROBOT, *overlays.ITEMS, *others)}
     remarks = dict.fromkeys(
         text
         for sampled in samples
@@ -186,7 +168,7 @@ def _draw(
     """Draw a motion below the node of its title; return its description."""
     builder.start, motion, setting = place.start, sampled.motion, sampled.motion.setting
     root = f"{ROOT}/{node(title)}"
-    times, areas, size = sampled.times, sampled.areas, thickness(setting)
+    times, areas, size = sampled.times, sampled.areas, overlays.thickness(setting)
     colours = replace(scale, margin=setting.margin)
     positions = sampled.positions.swapaxes(0, 1)
     quaternions = [
@@ -195,27 +177,29 @@ def _draw(
     bodies = [f"{root}/{ROBOT}/{node(link)}" for link in setting.model.body_names]
     for visual in sampled.visuals.shapes:
         builder.visual(f"{bodies[visual.body]}/{node(visual.name)}", visual)
-    labels = draw_path(builder, root, motion)
-    labels += draw_centre(builder, root, setting) + draw_ending(builder, root, motion)
+    labels = overlays.draw_path(builder, root, motion)
+    labels += overlays.draw_centre(builder, root, setting) + overlays.draw_ending(
+        builder, root, motion
+    )
     labels += sampled.surroundings.draw(builder, root)
     labels += [cone.draw(builder, root, size) for cone in sampled.cones]
     moved = {path: body for body, path in enumerate(bodies)}
-    axes = {BASE_AXES: 0}
+    axes = {overlays.BASE_AXES: 0}
     for body, link in enumerate(tip_links(setting.model), len(bodies)):
-        axes[f"{END_EFFECTOR_AXES}/{node(link)}"] = body
-        path = f"{root}/{TRAIL}/{node(link)}"
-        draw_trail(builder, path, size, positions[body], colours(sampled.values))
+        axes[f"{overlays.END_EFFECTOR_AXES}/{node(link)}"] = body
+        path = f"{root}/{overlays.TRAIL}/{node(link)}"
+        overlays.draw_trail(builder, path, size, positions[body], colours(sampled.values))
     for item, body in axes.items():
-        draw_axes(builder, f"{root}/{item}", _AXIS * size, 0.5 * size)
+        overlays.draw_axes(builder, f"{root}/{item}", _AXIS * size, 0.5 * size)
         moved[f"{root}/{item}"] = body
     for path, body in moved.items():
         builder.move(path, times, positions[body], quaternions[body])
     if setting.model.on_table:
         boxes = [bounding_box(shape) for shape in sampled.visuals.shapes if shape.body == 0]
-        draw_table(builder, root, sampled.carried(0, np.vstack(boxes)))
+        overlays.draw_table(builder, root, sampled.carried(0, np.vstack(boxes)))
     if areas is not None:
-        draw_areas(builder, root, motion, areas)
-        path = f"{root}/{AREAS}/{areas.point}"
+        overlays.draw_areas(builder, root, motion, areas)
+        path = f"{root}/{overlays.AREAS}/{areas.point}"
         builder.mesh(path, g.Sphere(2.0 * size), _POINT_COLOUR)
         points = positions[-1] + sampled.rotations[:, -1] @ areas.offset
         builder.move(path, times, points, quaternions[-1])
@@ -224,23 +208,18 @@ def _draw(
         (place.start + times).round(6).tolist(),
         [float(f"{value:.6g}") for value in sampled.values],
         sampled.fractions.round(6).tolist() if motion.law.follows_path else None,
-        6 * SIDES,
+        6 * overlays.SIDES,
         list(zip(model.joint_names, model.prismatic.tolist(), joints, strict=True)),
     )
     contact, event = deepest_contact(motion), singular_event(motion)
     return TitledScene(
-        title,
-        node(title),
-        labels,
-        begin=place.start + float(times[0]),
-        end=place.start + float(times[-1]),
-        origin=np.asarray(place.origin).round(6).tolist(),
-        margin=setting.margin.threshold,
-        ending=motion.ending.name.lower(),
+        title, node(title), labels, begin=place.start + float(times[0]),
+        end=place.start + float(times[-1]), origin=np.asarray(place.origin).round(6).tolist(),
+        margin=setting.margin.threshold, ending=motion.ending.name.lower(),
         verdict=motion.outcome if event is None else f"{motion.outcome} Kind: {event.kind}.",
         trail=trail,
         lines=tuple(filter(None, (violation, "" if contact is None else f"warning: {contact}"))),
-    )
+    )  # fmt: skip
 
 
 def _view(samples: Sequence[SampledMotion], places: Sequence[Place], planar: bool) -> View:
@@ -283,6 +262,6 @@ def _extent(sampled: SampledMotion) -> list[Array]:
         corners = bounding_box(shape)
         near = corners[np.linalg.norm(corners, axis=1) <= length]
         parts.append(sampled.carried(shape.body, near, chosen))
-    axes = _AXIS * thickness(setting) * np.eye(3)
+    axes = _AXIS * overlays.thickness(setting) * np.eye(3)
     framed = (0, *range(len(setting.model.bodies), sampled.positions.shape[1]))
     return [*parts, *(sampled.carried(body, axes, chosen) for body in framed)]

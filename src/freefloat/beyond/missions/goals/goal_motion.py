@@ -103,17 +103,13 @@ class GoalMotion(Answer):
         """The JSON document."""
         motion = self.motion
         return {
-            "feasible": self.feasible,
-            "reason": self.reason,
-            "needed": dict(self.needed),
-            "goal": self.goal.to_dict(),
-            "duration": self.duration,
-            "error": self.error,
+            "feasible": self.feasible, "reason": self.reason, "needed": dict(self.needed),
+            "goal": self.goal.to_dict(), "duration": self.duration, "error": self.error,
             "contact": self.contact and self.contact.to_dict(),
             "initial": None if motion is None else motion.initial.to_dict(),
             "final": None if motion is None else motion.final.to_dict(),
             "limits": [result.to_dict() for result in self.limit_results],
-        }
+        }  # fmt: skip
 
 
 def last_state(motion: Motion) -> EndState:

@@ -10,21 +10,28 @@ import numpy.typing as npt
 
 from freefloat.beyond.missions.goals.certification import Certification
 from freefloat.beyond.missions.goals.clearances import Clearances
-from freefloat.beyond.missions.goals.failure import why_not
-from freefloat.beyond.missions.goals.families import families_of
 from freefloat.beyond.missions.goals.goal import Goal
-from freefloat.beyond.missions.goals.goal_motion import GoalMotion, goal_setting
-from freefloat.beyond.missions.goals.query import GoalStart, Query
-from freefloat.beyond.missions.goals.search import GoalSearch
+from freefloat.beyond.missions.goals.goal_motion import GoalMotion, earlier, goal_setting
+from freefloat.beyond.missions.goals.joint_paths import JointCourse
+from freefloat.beyond.missions.goals.query import GoalStart, Query, families_of, violation_at_rest
+from freefloat.beyond.missions.goals.search import REACHED, GoalSearch
 from freefloat.beyond.missions.goals.violations import ShapeLimits, StateLimits
 from freefloat.concurrency import Progress, step_of
 from freefloat.dynamics.system import System
 from freefloat.errors import InputError, require_type, seed_number
+from freefloat.limits.check import LimitChecker
 from freefloat.limits.limits import Limits, limits_for
+from freefloat.limits.result import LimitResult, all_violations
 from freefloat.limits.values import OFF
+from freefloat.motion.joint_curves import JointSpline
+from freefloat.motion.joint_integration import integrate_spline
+from freefloat.motion.law import JointLaw
 from freefloat.motion.motion import Motion
+from freefloat.motion.setting import JointSetting
+from freefloat.rotations import Rotation
 from freefloat.scene.scene import Scene
-from freefloat.so3 import unit_quaternion
+from freefloat.scene.tumbling import Tumbling
+from freefloat.so3 import Array, unit_quaternion
 
 _FIRST = 0.5
 """Part of the progress that the search in a given duration is."""
@@ -152,3 +159,124 @@ def _search(query: Query, progress: Progress | None) -> GoalSearch:
         shapes.append(clearances)
     certification = Certification(setting, checker, query.start.attitude, query.by_time)
     return GoalSearch(list(families_of(query, shapes)), certification, step_of(progress, 0.0, 1.0))
+
+
+def why_not(
+    outcome: GoalMotion, search: GoalSearch, seed: int, longer: GoalMotion | None, goal_words: str
+) -> GoalMotion:
+    """The outcome of a search that found no motion, with the reason.
+
+    Args:
+        outcome: The outcome.
+        search: The search.
+        seed: Seed of random paths.
+        longer: What was found without the duration that was asked for.
+        goal_words: What the goal is called.
+    """
+    if longer is not None and longer.duration is not None and longer.feasible:
+        least = longer.duration
+        reason = f"no motion in {outcome.goal.duration:g} s was found, but one in {least:.4g} s"
+        return replace(outcome, reason=reason, needed={"duration": least})
+    nearest = search.nearest()
+    if nearest is None:
+        return _at_the_goal(outcome, search, seed, goal_words)
+    results = search.certification.checker.results(nearest.motion)
+    return outcome.with_motion(nearest.motion, results)
+
+
+def _at_the_goal(outcome: GoalMotion, search: GoalSearch, seed: int, goal_words: str) -> GoalMotion:
+    """Why no path was found that ends at the goal: what it violates there, or how far it gets."""
+    target = search.families[0].target
+    nearest, *others = search.nearest_ends(seed)
+    if np.abs(nearest.error).max(initial=0.0) > REACHED:
+        reason = f"no motion with {goal_words} was found within the joint ranges"
+        away = target.distance_text(nearest.error)
+        return replace(outcome, reason=f"{reason}; the nearest one is {away} away")
+    ends = [nearest, *(path for path in others if np.abs(path.error).max(initial=0.0) <= REACHED)]
+    violations = [_violation(outcome, path.course) for path in ends]
+    least = min(filter(None, violations), key=lambda found: abs(found.worst - found.allowed),
+                default=None)  # fmt: skip
+    if least is not None and None not in violations:
+        reason = f"at {goal_words} of the nearest motion {least.violation()}"
+        return replace(outcome, reason=reason)
+    beyond = search.least_violations(ends)
+    reason = f"{goal_words} is reached by coarse paths, but exactly by no motion that was found"
+    if beyond:
+        reason = f"{goal_words} is reached, but along the best path {all_violations(beyond)}"
+    return replace(outcome, reason=reason)
+
+
+def _violation(outcome: GoalMotion, course: JointCourse) -> LimitResult | None:
+    """The limit that the state at the end of a path violates; None where it keeps all."""
+    duration = float(course.duration)
+    there = earlier(outcome.setting, -duration)
+    limits = outcome.limits.seen_from(duration * outcome.setting.drift)
+    attitude = Rotation.from_matrix(course.attitudes[-1]).as_quat()
+    checker = LimitChecker(there, limits)
+    return violation_at_rest(there, checker, attitude, course.joints[-1])
+
+
+def arrive(
+    setting: JointSetting,
+    present: tuple[Array, Array],
+    state: GoalStart,
+    limits: Limits,
+    *,
+    duration: float | None = None,
+    first_duration: float,
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> GoalMotion:
+    """Find a motion of the joints from rest that ends with a state at time zero.
+
+    When it begins is known only once it is found, and with it where the bodies of the scene are
+    then. So it is found backward in time, from time zero: momentum, wheels, drift and the rates of
+    these bodies have opposite signs.
+
+    Args:
+        setting: Robot, momentum, drift and scene at time zero, from the centre of mass then.
+        present: Attitude of the spacecraft and joints where it begins.
+        state: The state at the end.
+        limits: Limits to keep, from the centre of mass at time zero.
+        duration: Duration [s]; None for the shortest one found that limits permit.
+        first_duration: Duration with which the search for that one begins [s].
+        seed: Seed of the random paths.
+        progress: Called with the fraction done, in [0, 1].
+
+    Returns:
+        The motion, from its first centre of mass.
+    """
+    attitude, joints = present
+    query = Query(
+        _backward(setting), state._replace(joint_rates=-state.joint_rates),
+        Goal(attitude=attitude, joints=joints, duration=duration), limits,
+        goal_words="the given beginning", first_duration=first_duration,
+    )  # fmt: skip
+    back = move_from(query, seed=seed, progress=progress)
+    rates = state.joint_rates if state.joint_rates.any() else None
+    goal = Goal(None, state.attitude, state.joints, duration=duration, joint_rates=rates)
+    outcome = replace(back, setting=setting, goal=goal, motion=None, limit_results=())
+    return outcome if back.law is None else _forward(outcome, back.law, attitude)
+
+
+def _forward(outcome: GoalMotion, back: JointLaw, attitude: Array) -> GoalMotion:
+    """The outcome with the motion whose joints are those of a motion backward in time."""
+    there = earlier(outcome.setting, back.duration)
+    limits = outcome.limits.seen_from(-back.duration * there.drift)
+    curve = JointSpline(back.curve.control_points[::-1])
+    motion = integrate_spline(JointLaw(there, curve, back.duration), attitude)
+    results = LimitChecker(there, limits).results(motion)
+    return replace(outcome, setting=there, limits=limits).with_motion(motion, results)
+
+
+def _backward(setting: JointSetting) -> JointSetting:
+    """The setting backward in time."""
+    bodies = tuple(
+        replace(body, motion=replace(body.motion, rate=-body.motion.rate))
+        if isinstance(body.motion, Tumbling) else body
+        for body in setting.scene.bodies
+    )  # fmt: skip
+    return replace(
+        setting, momentum=-setting.momentum, wheel_momentum=-setting.wheel_momentum,
+        drift=-setting.drift, scene=Scene(bodies, setting.scene.corridor),
+    )  # fmt: skip

@@ -1,28 +1,50 @@
-"""A motion to a goal that is asked for, and what is known of it before any search."""
+"""A motion to a goal that is asked for: what is known of it before any search, and its paths."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
+from freefloat.beyond.missions.goals.effort import SolverBudget
 from freefloat.beyond.missions.goals.goal import Goal
 from freefloat.beyond.missions.goals.goal_motion import FIRST_DURATION, earlier
-from freefloat.beyond.missions.goals.resting import violation_at_rest
+from freefloat.beyond.missions.goals.joint_paths import Ends, JointPaths
+from freefloat.beyond.missions.goals.placements import PlacedArm
+from freefloat.beyond.missions.goals.relaxation import Relaxation
 from freefloat.beyond.missions.goals.target import EndState, Target
+from freefloat.beyond.missions.goals.violations import ShapeLimits
+from freefloat.dynamics.inverse_dynamics import InverseDynamics
 from freefloat.dynamics.virtual_manipulator import reach_bound
 from freefloat.errors import InputError
 from freefloat.limits.check import LimitChecker
+from freefloat.limits.kinds.base_rate import BaseRateLimit
 from freefloat.limits.limits import GIVEN, Limits
+from freefloat.limits.result import LimitResult
+from freefloat.motion.joint_curves import DEGREE, JointSpline
+from freefloat.motion.joint_integration import integrate_spline
+from freefloat.motion.law import JointLaw
 from freefloat.motion.setting import JointSetting
 from freefloat.rotations import rotation_matrix
 from freefloat.so3 import Array, angle_between
 
 _SAME_STATE = 1e-9
 """Distance from a goal that is the state at the start [rad, m]."""
+_INSTANT = 1e-3
+"""Duration of a motion that stays where it is [s]."""
+_MOVING = ((8, 1), (12, 1), (16, 1))
+"""Spans and loops of paths that need not turn the spacecraft."""
+_TURNING = ((8, 1), (8, 2), (8, 4), (8, 8), (8, 16), (8, 32))
+"""Those of paths that turn it: small loops turn it with their area, and fit where large do not."""
+_USED = 0.99
+"""Fraction of limits of rates that paths in a given duration use."""
+_ASSUMED = 1.0
+"""Least limit that is assumed of joint rates without limit [rad/s or m/s]."""
+_LEFT = 0.01
+"""Least fraction of a limit of torques that the weight of the arm is assumed to leave."""
 
 
 class GoalStart(NamedTuple):
@@ -163,3 +185,72 @@ def _turns_too_far(goal: Goal, attitude: Array, limits: Limits) -> str | None:
         return None
     words = "the goal turns the spacecraft by {:.4g} deg, its limit is {:.4g} deg"
     return words.format(*np.degrees([turn, limits.base_turn]))
+
+
+def violation_at_rest(
+    setting: JointSetting,
+    checker: LimitChecker,
+    attitude: Array,
+    joints: Array,
+    rests: bool = False,
+) -> LimitResult | None:
+    """The first limit that a state violates, rates of joints apart; None where it keeps all.
+
+    Where the joints rest, momentum may turn the spacecraft too fast.
+
+    Args:
+        setting: Robot and scene, whose bodies are where they are at time zero.
+        checker: Of the limits.
+        attitude: Of the spacecraft, unit quaternion x, y, z, w.
+        joints: Joint values, shape (n,).
+        rests: Whether the joints rest in this state.
+    """
+    still = JointSpline(np.tile(joints, (DEGREE + 1, 1)))
+    motion = integrate_spline(JointLaw(setting, still, _INSTANT), attitude)
+    for result in checker.violations(motion, timed=rests):
+        if not result.timed or result.limit == BaseRateLimit.name:
+            return result
+    return None
+
+
+def families_of(query: Query, shapes: Sequence[ShapeLimits]) -> Iterator[Relaxation]:
+    """Families of paths in the order in which they are tried; their effort is shared."""
+    setting, start, goal, limits = query.setting, query.start, query.goal, query.limits
+    model, n, effort = setting.model, setting.model.dof, SolverBudget()
+    end_rates = np.zeros(n) if goal.joint_rates is None else goal.joint_rates
+    accelerations = _accelerations(query)
+    rates = np.full(n, np.inf) if limits.joint_rate is None else limits.joint_rate
+    half_turn = np.sqrt(np.pi * np.where(np.isfinite(accelerations), accelerations, 0.0))
+    assumed = np.maximum(half_turn, rates[np.isfinite(rates)].max(initial=_ASSUMED))
+    rates = np.where(np.isfinite(rates), rates, assumed)
+    used = 1.0 if goal.duration is None else _USED
+    ends = Ends(*start[1:], goal.joints, None if query.target.body is not None else end_rates)
+    both = np.array([start.joints, start.joints if goal.joints is None else goal.joints])
+    half = np.where(model.prismatic, 1.0, np.pi)
+    low, high = model.joint_ranges
+    low = np.where(np.isfinite(low), low, both.min(axis=0) - half)
+    high = np.where(np.isfinite(high), high, both.max(axis=0) + half)
+    momenta = np.array([setting.momentum, setting.wheel_momentum])
+    for spans, loops in _MOVING if query.target.attitude is None else _TURNING:
+        yield Relaxation(
+            PlacedArm.of(model), JointPaths(ends, spans, loops), query.target, query.attitude,
+            momenta, used * rates, accelerations, used * (limits.base_rate or np.inf),
+            np.array([low, high]), shapes, goal.duration is None,
+            goal.duration or query.first_duration, effort,
+        )  # fmt: skip
+
+
+def _accelerations(query: Query) -> Array:
+    """Accelerations that their limits permit, and at the start limits of torques, shape (n,)."""
+    limit, (attitude, joints, _) = query.limits.joint_torque, query.start
+    n, stated = len(joints), query.limits.joint_acceleration
+    most = np.full(n, np.inf) if stated is None else stated
+    if limit is None:
+        return most
+    dynamics, still = InverseDynamics(query.setting.system), np.zeros(3 + n)
+    rest, *torques = (
+        dynamics.of_joints(attitude, joints, still, axis).joint_torques
+        for axis in (np.zeros(n), *np.eye(n))
+    )
+    left = np.maximum(limit - np.abs(rest), _LEFT * limit)
+    return np.minimum(most, left / np.abs(np.diag(torques) - rest))

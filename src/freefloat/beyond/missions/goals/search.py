@@ -82,21 +82,15 @@ class GoalSearch:
     def least_violations(self, paths: Sequence[Quadratic]) -> tuple[LimitResult, ...]:
         """Violated limits along the one of some paths that comes nearest to keeping them."""
         family, certification = self.families[0].coarse, self.certification
-        found = [
-            violated(
-                certification.checker.results(certification.along(family, path.course.unknowns))
-            )
-            for path in paths
-        ]
+        motions = (certification.along(family, path.course.unknowns) for path in paths)
+        found = [violated(certification.checker.results(motion)) for motion in motions]
         return min(found, key=lambda results: max((entry.ratio for entry in results), default=0.0))
 
     def sketch(self, seed: int) -> Motion | None:
         """The motion along the most promising path of a coarse family; None without any."""
         coarse, rng = self.families[0].coarse, np.random.default_rng(seed)
-        rough = [
-            coarse.relaxed(coarse.with_duration(begin), *_SKETCH)
-            for begin in starts(coarse, rng, 1)
-        ]
+        begins = map(coarse.with_duration, starts(coarse, rng, 1))
+        rough = [coarse.relaxed(begin, *_SKETCH) for begin in begins]
         path = min(rough, key=lambda path: path.promise, default=None)
         if path is None:
             return None

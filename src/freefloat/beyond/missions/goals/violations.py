@@ -29,6 +29,8 @@ _MOST = 64
 """Instants of a limit that count, the worst of those that are looked at."""
 _SCALE = 0.02
 """Violation that counts as one [rad, m]."""
+_WIDENED = PointingLimits.name, CorridorLimit.name, BaseTurnLimit.name
+"""Limits whose margins grow."""
 
 
 class GoalViolations(NamedTuple):
@@ -84,11 +86,7 @@ class StateLimits:
     setting: Setting
     limits: Limits
     attitude: Array
-    margins: dict[str, float] = field(
-        default_factory=lambda: dict.fromkeys(
-            (PointingLimits.name, CorridorLimit.name, BaseTurnLimit.name), _MARGIN
-        )
-    )
+    margins: dict[str, float] = field(default_factory=lambda: dict.fromkeys(_WIDENED, _MARGIN))
 
     def widen(self, violation: LimitResult) -> bool:
         """See :class:`ShapeLimits`."""

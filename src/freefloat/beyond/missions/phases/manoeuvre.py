@@ -1,19 +1,24 @@
-"""Planned manoeuvres: phases, each from the state at which the one before ends."""
+"""Planned manoeuvres: phases, each from the state at which the one before ends, their motions."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, ClassVar
+
+import numpy as np
 
 from freefloat.beyond.missions.phases.phase import REORIENTATION, Phase
 from freefloat.limits.check import Contact
 from freefloat.limits.limits import Limits
 from freefloat.limits.result import LimitResult
+from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
 from freefloat.planning.answer import Answer, PhaseResult
 from freefloat.planning.plan import Plan
 from freefloat.planning.settings import Search
+from freefloat.robot.model import FreeFloatingModel
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,10 +106,37 @@ class Manoeuvre(Answer):
     def to_dict(self) -> dict[str, Any]:
         """The JSON document of ``freefloat plan`` for scenarios with phases."""
         return {
-            "feasible": self.feasible,
-            "reason": self.reason,
-            "duration": self.duration,
+            "feasible": self.feasible, "reason": self.reason, "duration": self.duration,
             "contact": self.contact and self.contact.to_dict(),
             "phases": [phase.to_dict() for phase in self.phases],
             "not_reached": list(self.not_reached),
-        }
+        }  # fmt: skip
+
+
+def with_resting_arms(motions: Sequence[Motion | None]) -> list[Motion | None]:
+    """The motions of phases, all with the joints of the arms that move along any of them.
+
+    Args:
+        motions: Motions of one manoeuvre; None of phases without motion.
+    """
+    settings = [motion.setting for motion in motions if motion is not None]
+    robot = next((setting.model for setting in settings if setting.arms), None)
+    if robot is None:
+        return list(motions)
+    return [
+        motion if motion is None or motion.setting.arms else _with_resting_arms(motion, robot)
+        for motion in motions
+    ]
+
+
+def _with_resting_arms(motion: Motion, robot: FreeFloatingModel) -> Motion:
+    """A motion with the joints that further arms of a robot move, and its own model fixes."""
+    fixed = dict(motion.model.fixed_joints)
+    resting = {
+        name: np.array([fixed.pop(joint) for joint in robot.joints_of_arm(name)])
+        for name in robot.arms
+    }
+    model = replace(motion.model, arms=robot.arms, fixed_joints=fixed)
+    constant = np.tile(np.concatenate([*resting.values()]), (len(motion.joints), 1))
+    law = motion.law.with_arms_at_rest(model, resting)
+    return replace(motion, law=law, joints=np.hstack([motion.joints, constant]))

@@ -7,11 +7,10 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from freefloat.beyond.missions.goals.goal import require_inside
-from freefloat.beyond.missions.phases.expected_state import keys_within
 from freefloat.beyond.missions.phases.kinds.path_phase import PathPhase
 from freefloat.beyond.missions.phases.manoeuvre import Manoeuvre
 from freefloat.beyond.missions.phases.phase import PATH, REORIENTATION, Phase, checked_phases
-from freefloat.beyond.missions.phases.state import SystemState
+from freefloat.beyond.missions.phases.state import SystemState, keys_within
 from freefloat.concurrency import Progress, step_of
 from freefloat.errors import InputError, require_type
 from freefloat.limits.limits import Limits, limits_for
@@ -113,7 +112,7 @@ def _to_start(
     differences = np.concatenate([joints - state.joints, state.joint_rates])
     if max(angle_between(present, state.attitude), np.abs(differences).max()) <= _SAME_STATE:
         return []
-    from freefloat.beyond.missions.goals.arrival import arrive  # compiled kernels
+    from freefloat.beyond.missions.goals.mover import arrive  # compiled kernels
     from freefloat.beyond.missions.goals.query import GoalStart
 
     end = GoalStart(state.attitude, state.joints, state.joint_rates)

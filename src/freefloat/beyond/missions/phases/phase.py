@@ -8,8 +8,7 @@ from dataclasses import replace
 from itertools import chain, count
 from typing import Any, ClassVar
 
-from freefloat.beyond.missions.phases.expected_state import ExpectedState, keys_within
-from freefloat.beyond.missions.phases.state import SystemState
+from freefloat.beyond.missions.phases.state import ExpectedState, SystemState, keys_within
 from freefloat.errors import InputError, require_type
 from freefloat.limits.limits import Limits
 from freefloat.motion.problem import Problem

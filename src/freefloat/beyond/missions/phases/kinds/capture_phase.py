@@ -9,9 +9,8 @@ from typing import Any, ClassVar
 import numpy as np
 
 from freefloat.beyond.missions.capture import Capture, Client, capture
-from freefloat.beyond.missions.phases.expected_state import ExpectedState
 from freefloat.beyond.missions.phases.phase import Phase
-from freefloat.beyond.missions.phases.state import SystemState
+from freefloat.beyond.missions.phases.state import ExpectedState, SystemState
 from freefloat.dynamics.summary import roll_pitch_yaw
 from freefloat.errors import InputError, finite_number, finite_vector, require_type
 from freefloat.limits.limits import Limits

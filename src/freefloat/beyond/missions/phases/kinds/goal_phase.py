@@ -9,9 +9,8 @@ import numpy as np
 
 from freefloat.beyond.missions.goals.goal import Goal
 from freefloat.beyond.missions.goals.goal_motion import GoalMotion
-from freefloat.beyond.missions.phases.expected_state import ExpectedState
 from freefloat.beyond.missions.phases.phase import Phase
-from freefloat.beyond.missions.phases.state import SystemState
+from freefloat.beyond.missions.phases.state import ExpectedState, SystemState
 from freefloat.errors import InputError, require_type, seed_number
 from freefloat.limits.limits import Limits
 from freefloat.motion.setting import JointSetting
