@@ -12,7 +12,9 @@ import pytest
 import yaml
 
 import freefloat as ff
+from freefloat.io.hdf5 import AlteredFileError
 from tests.errors import error_key
+from tests.result_files import altered, replaced
 
 IDENTITY = [0.0, 0.0, 0.0, 1.0]
 ANSWERS = "plan", "motion", "goal", "manoeuvre"
@@ -71,6 +73,35 @@ def test_a_result_is_saved_and_loaded(kind: str, tmp_path: Path) -> None:
         np.testing.assert_array_equal(start, result(kind).problem.start_joints)
     ff.save(loaded, tmp_path / "again.h5")
     assert ff.load(tmp_path / "again.h5").to_dict() == loaded.to_dict()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("asked", "part"),
+    [("goal", "goal"), ("goal", "search"), ("manoeuvre", "search"), ("manoeuvre", "phases")],
+)
+def test_a_scenario_that_asks_for_something_else_is_altered(
+    asked: str, part: str, tmp_path: Path
+) -> None:
+    """The goal or a phase ends elsewhere, it begins elsewhere, or there is a reorientation."""
+    ff.save(result(asked), tmp_path / "result.h5")
+
+    def other(text: str) -> str:
+        content = yaml.safe_load(text)
+        if part == "phases":
+            phase = next(phase for phase in content["phases"] if "goal" in phase)
+            phase["goal"]["joints"][0] += 0.01
+        elif asked == "manoeuvre":
+            content["search"]["reorient"] = not content["search"].get("reorient", False)
+            content["search"] |= {"from_attitude": IDENTITY, "joints": [0.5, 0.8]}
+        else:
+            content[part]["joints"][0] += 0.01
+        return yaml.safe_dump(content)
+
+    content = altered((tmp_path / "result.h5").read_bytes(), replaced("scenario", other))
+    (tmp_path / "result.h5").write_bytes(content)
+    with pytest.raises(AlteredFileError):
+        ff.load(tmp_path / "result.h5")
 
 
 @pytest.mark.parametrize("change", [{"limits": ff.Limits()}, {"search": ff.Search(samples=99)}])

@@ -46,13 +46,10 @@ class SectionKind:
         section: Class of the section, or of each of its entries.
         posed: Class of what scenarios with the section ask for, made of a scenario; its method
             ``plan`` finds it.
-        content: Function of what was asked for that returns contents of such sections, and texts
-            of CSV files by name; empty where results do not have it.
     """
 
     section: str
     posed: str
-    content: str = ""
 
 
 SECTIONS = {
@@ -60,9 +57,7 @@ SECTIONS = {
         "beyond.missions.phase_section:GoalSection", "beyond.missions.posed:PosedGoal"
     ),
     "phases": SectionKind(
-        "beyond.missions.phase_section:PhaseSection",
-        "beyond.missions.posed:PosedManoeuvre",
-        "beyond.missions.phase_section:phases_content",
+        "beyond.missions.phase_section:PhaseSection", "beyond.missions.posed:PosedManoeuvre"
     ),
 }
 """Sections of scenario files that ask for more than a path, by key."""
@@ -123,6 +118,7 @@ RESULT_KINDS = {
         "beyond.missions.manoeuvre_verification:manoeuvre_report",
         "beyond.missions.values:manoeuvre_values", "beyond.missions.tables:manoeuvre_tables",
         "beyond.missions.manoeuvre_files:decode_manoeuvre", "beyond.missions.manoeuvre_files:CODEC",
+        "beyond.missions.manoeuvre_files:manoeuvre_scenario",
     ),
     "attitude map": ResultKind(
         "planning.space.attitude_map:AttitudeMap",

@@ -29,7 +29,7 @@ from freefloat.so3 import Array, IntArray, Pose, frozen
 
 
 class Ending(Enum):
-    """How a motion ended; the value is the sentence shown in tables."""
+    """How a motion along a path ended; the value is the sentence shown in tables."""
 
     COMPLETED = "The whole path was followed."
     SINGULAR = "The arm became singular."

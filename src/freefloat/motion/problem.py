@@ -139,8 +139,7 @@ class Problem(BranchesOnPath):
         """Raise an InputError unless all parts suit one another; keep arrays as checked."""
         if not self.path.moves:
             raise InputError("path", "its length is zero", "a path that moves or rotates")
-        object.__setattr__(self, "momentum", self.system.momentum)
-        object.__setattr__(self, "wheel_momentum", self.system.wheels)
+        self._require_setting()
         self.arms.require_applicable(self.model, self.path.duration)
         self._require_paths()
         if self.start_joints is not None:
@@ -150,10 +149,7 @@ class Problem(BranchesOnPath):
             accepted = "Redundancy, such as Redundancy(metric='energy')"
             require_type("redundancy", self.redundancy, Redundancy, accepted)
             self.redundancy.require_applicable(self.model, self.task)
-        require_type("scene", self.scene, Scene, "Scene(bodies, corridor)")
         self.scene.require_applicable(self.model, self.path.duration)
-        accepted = "Limits, such as Limits(base_rate=0.02), or None"
-        require_type("limits", self.limits, AttitudeLimits | None, accepted)
         if self.task.planar:
             require_planar(self.plane, self.system, self.path, self.task)
         require_few_revolutions(self.system, self.path.duration)

@@ -15,7 +15,7 @@ from freefloat.dynamics.summary import natural_task
 from freefloat.dynamics.system import System
 from freefloat.dynamics.tasks import Task, prescribed_rows, required_plane
 from freefloat.dynamics.virtual_manipulator import reach_bound
-from freefloat.errors import InputError, finite_number
+from freefloat.errors import InputError, finite_number, require_type
 from freefloat.motion.joint_curves import ArmCurves
 from freefloat.motion.margin import Margin
 from freefloat.motion.pointing import AttitudeLimits
@@ -25,9 +25,10 @@ from freefloat.so3 import Array, frozen, unit_quaternion
 
 
 class Setting:
-    """What a :class:`.Problem` and a :class:`JointSetting` have in common: no path.
+    """A robot with its momentum, its limits and the bodies around it.
 
-    Attributes are those of :class:`.Problem`.
+    A :class:`.Problem` adds a path, which a :class:`JointSetting` lacks. Attributes are those of
+    :class:`.Problem`.
     """
 
     model: FreeFloatingModel
@@ -44,6 +45,15 @@ class Setting:
     def system(self) -> System:
         """The robot with its momentum, wheels and drift."""
         return System(self.model, self.momentum, self.wheel_momentum, self.drift)
+
+    def _require_setting(self) -> None:
+        """Raise an InputError unless the parts are of their kinds; keep arrays as checked."""
+        vectors = self.system.momentum, self.system.wheels, self.system.drift
+        for name, vector in zip(("momentum", "wheel_momentum", "drift"), vectors, strict=True):
+            object.__setattr__(self, name, vector)
+        require_type("scene", self.scene, Scene, "Scene(bodies, corridor)")
+        accepted = "Limits, such as Limits(base_rate=0.02), or None"
+        require_type("limits", self.limits, AttitudeLimits | None, accepted)
 
     @property
     def arm_joints(self) -> slice:
@@ -75,15 +85,15 @@ class Setting:
         """The robot with the arms that follow paths, further arms fixed as at a time [s]."""
         if not self.arms:
             return self.model
-        if t not in self._chains:
-            self._chains[t] = self._model_at(t)
-        return self._chains[t]
+        if t not in self._models_at_times:
+            self._models_at_times[t] = self._model_at(t)
+        return self._models_at_times[t]
 
     def _model_at(self, t: float) -> FreeFloatingModel:
         return self.model.with_arms_at(self.arms.at(t)) if self.arms else self.model
 
     @cached_property
-    def _chains(self) -> dict[float, FreeFloatingModel]:
+    def _models_at_times(self) -> dict[float, FreeFloatingModel]:
         return {}
 
     def reach(self, t: float = 0.0) -> float:
@@ -169,6 +179,9 @@ class JointSetting(Setting):
     task: Task
     margin: Margin
     arms: ArmCurves = field(default_factory=ArmCurves, repr=False)
+
+    def __post_init__(self) -> None:
+        self._require_setting()
 
     @classmethod
     def of(

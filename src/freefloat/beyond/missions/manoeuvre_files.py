@@ -8,14 +8,17 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Any, cast
 
+from freefloat.beyond.missions.goals.goal import Goal
 from freefloat.beyond.missions.goals.goal_motion import GoalMotion, earlier
+from freefloat.beyond.missions.phase_section import phases_content
 from freefloat.beyond.missions.phases.kinds.capture_phase import PlannedCapture
+from freefloat.beyond.missions.phases.kinds.goal_phase import GoalPhase
 from freefloat.beyond.missions.phases.manoeuvre import Manoeuvre
 from freefloat.beyond.missions.phases.phase import Phase
 from freefloat.beyond.missions.phases.state import SystemState
 from freefloat.codec import Codec
 from freefloat.io.scenario.scenario import Scenario
-from freefloat.io.scenario.writing import written_scenario
+from freefloat.io.scenario.writing import scenario_of, written_scenario
 from freefloat.limits.limits import Limits
 from freefloat.motion.problem import Problem
 from freefloat.motion.setting import JointSetting, Setting
@@ -29,8 +32,7 @@ from freefloat.verification import leaves
 
 def goal_scenario(result: GoalMotion) -> Scenario:
     """The scenario that poses the goal; joint rates, which scenarios lack, are in the record."""
-    goal = {key: value for key, value in result.goal.to_dict().items() if key != "joint_rates"}
-    content: dict[str, Any] = {"goal": goal}
+    content: dict[str, Any] = {"goal": _stated(result.goal)}
     if result.motion is not None:
         first = result.motion.initial
         start = {"from_attitude": first.attitude.tolist(), "joints": first.joints.tolist()}
@@ -38,11 +40,45 @@ def goal_scenario(result: GoalMotion) -> Scenario:
     return written_scenario(result.setting, result.limits, content)
 
 
+def _stated(goal: Goal) -> dict[str, Any]:
+    """The keys of a goal that scenarios have."""
+    return {key: value for key, value in goal.to_dict().items() if key != "joint_rates"}
+
+
 def decode_goal(tree: Tree, scenario: Scenario) -> GoalMotion:
-    """The motion of a file to the goal of its scenario."""
-    limits = scenario.limits()
-    setting = JointSetting.of(scenario.system(), scenario.scene())
-    return leaves.CODEC.decode(GoalMotion, tree, {JointSetting: setting, Limits: limits})
+    """The motion of a file to the goal of its scenario.
+
+    Raises:
+        ValueError: If the scenario has another goal, or another state at the start.
+    """
+    setting = JointSetting.of(scenario.system(), scenario.scene(), scenario.limits())
+    result = leaves.CODEC.decode(GoalMotion, tree, {JointSetting: setting})
+    _require_same("goal", _stated(scenario.goal()), _stated(result.goal))
+    if result.motion is not None:
+        first, search = result.motion.initial, scenario.search()
+        if search.from_attitude is None or search.joints is None:
+            raise ValueError("its scenario has no present state")
+        stated = [*search.from_attitude, *setting.model.joint_vector(search.joints)]
+        _require_same("start", stated, [*first.attitude, *first.joints])
+    return result
+
+
+def _require_same(name: str, asked: Any, found: Any) -> None:
+    """Raise a ValueError if what a scenario asks for is not what its result is about."""
+    if asked.keys() != found.keys() if isinstance(asked, dict) else len(asked) != len(found):
+        raise ValueError(f"its {name} is not that of its scenario")
+    if next(leaves.differences(asked, found), None) is not None:
+        raise ValueError(f"its {name} is not that of its scenario")
+
+
+def manoeuvre_scenario(manoeuvre: Manoeuvre) -> Scenario:
+    """The scenario that poses a manoeuvre."""
+    sections, samples = dict[str, Any](), dict[str, str]()
+    if manoeuvre.following:
+        sections["phases"], samples = phases_content(manoeuvre.following)
+    if manoeuvre.reorient:
+        sections["search"] = manoeuvre.search.to_dict() | {"reorient": True}
+    return scenario_of(manoeuvre.problem, manoeuvre.search, manoeuvre.limits, sections, samples)
 
 
 CODEC = Codec(
@@ -52,10 +88,16 @@ CODEC = Codec(
 
 
 def decode_manoeuvre(tree: Tree, scenario: Scenario) -> Manoeuvre:
-    """The manoeuvre of a scenario."""
+    """The manoeuvre of a scenario.
+
+    Raises:
+        ValueError: If the scenario asks for other phases.
+    """
     entries: dict[str, Tree] = tree["phases"]
     trees = [entries[str(number)] for number in range(len(entries))]
     first = [entry["result"]["class"] for entry in trees].index(Plan.__name__)
+    if first > bool(tree["reorient"]) or tree["reorient"] is not scenario.content.search.reorient:
+        raise ValueError("its reorientation is not that of its scenario")
     search, limits = scenario.search(), scenario.limits()
     problem = search.applied_to(scenario.problem())
     path = _decoded(trees[first], problem, limits, search)
@@ -74,10 +116,13 @@ def _following(
 ) -> Iterator[PhaseResult]:
     """The phases after the first path, each from the state at which the one before ends."""
     for tree, phase in zip(trees, scenario.phases(), strict=False):
-        own = state.limits(limits)
+        own, setting = state.limits(limits), phase.setting_at(state)
         if tree["result"]["class"] == GoalMotion.__name__:
-            own = own.without_turn
-        planned = _decoded(tree, phase.setting_at(state), own)
+            setting = setting.replace(limits=own.without_turn)
+        planned = _decoded(tree, setting, own)
+        if isinstance(phase, GoalPhase):
+            goal = cast(GoalMotion, planned.result).goal
+            _require_same(phase.name, _stated(phase.goal.seen_from(state.centre)), _stated(goal))
         yield planned
         if planned.feasible:
             state = phase.end(state, planned.result)
@@ -85,10 +130,9 @@ def _following(
 
 def _before(tree: Tree, setting: JointSetting, limits: Limits) -> PhaseResult:
     """A phase before the first path."""
+    setting = setting.replace(limits=limits)
     if "motion" in tree["result"]:
-        duration = float(tree["result"]["motion"]["law"]["duration"])
-        limits = limits.seen_from(-duration * setting.drift)
-        setting = earlier(setting, duration)
+        setting = earlier(setting, float(tree["result"]["motion"]["law"]["duration"]))
     return _decoded(tree, setting, limits)
 
 
@@ -96,7 +140,7 @@ def _decoded(
     tree: Tree, setting: Setting, limits: Limits, search: Search | None = None
 ) -> PhaseResult:
     context: dict[type, Any] = {
-        Problem: setting, JointSetting: setting, FreeFloatingModel: setting.model,
-        Limits: limits, Search: search or Search(),
+        Problem: setting, JointSetting: setting,
+        FreeFloatingModel: setting.model, Limits: limits, Search: search or Search(),
     }  # fmt: skip
     return CODEC.decode(PhaseResult, tree, context)

@@ -95,7 +95,14 @@ def _integrated_again(law: JointLaw, attitude: Array, times: Array) -> Array:
         return np.append(w * omega + np.cross(x, omega), -x @ omega) / 2.0  # (8c)
 
     found = scipy.integrate.solve_ivp(
-        rates, times[[0, -1]], attitude, "DOP853", times, rtol=_PRECISE, atol=_PRECISE
+        rates,
+        times[[0, -1]],
+        attitude,
+        "DOP853",
+        times,
+        rtol=_PRECISE,
+        atol=_PRECISE,
+        max_step=law.duration / spline.spans / 2.0,
     ).y.T
     return np.asarray(found / np.linalg.norm(found, axis=1, keepdims=True))
 

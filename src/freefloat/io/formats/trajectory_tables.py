@@ -26,8 +26,8 @@ _FRAMES = (
     "quaternions x y z w that rotate spacecraft or end-effector axes into inertial ones"
 )
 _FIXED_FRAME = (
-    "; centre_of_mass_position and positions named fixed are in the frame of the path, in which "
-    "the centre of mass has the velocity drift; velocities are relative to the centre of mass"
+    "; centre_of_mass_position and positions named fixed are in a frame that does not move, in "
+    "which the centre of mass has the velocity drift; velocities are relative to the centre of mass"
 )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +15,6 @@ from freefloat.io.scenario.path_schema import inexpressible, timing_content
 from freefloat.io.scenario.path_section import section_of, sections_of_arms
 from freefloat.io.scenario.scenario import Scenario, parse_scenario
 from freefloat.io.scenario.scene_section import file_shapes, scene_content
-from freefloat.kinds import SECTIONS, named
 from freefloat.limits.limits import Limits, limits_for
 from freefloat.motion.problem import Problem
 from freefloat.motion.setting import Setting
@@ -27,17 +26,15 @@ from freefloat.robot.source import URDF_TEXT
 def scenario_of_result(result: Any) -> Scenario:
     """The scenario that poses a result of a problem, see :func:`scenario_of`."""
     search, limits = getattr(result, "search", None), getattr(result, "limits", None)
-    phases, reorient = getattr(result, "following", ()), getattr(result, "reorient", False)
-    return scenario_of(result.problem, search, limits, phases, reorient=reorient)
+    return scenario_of(result.problem, search, limits)
 
 
 def scenario_of(
     problem: Problem,
     search: Search | None = None,
     limits: Limits | None = None,
-    phases: Sequence[Any] = (),
-    *,
-    reorient: bool = False,
+    sections: Mapping[str, Any] | None = None,
+    samples: Mapping[str, str] | None = None,
 ) -> Scenario:
     """Scenario that poses a problem: the inverse of :meth:`Scenario.problem`.
 
@@ -47,18 +44,17 @@ def scenario_of(
         problem: The problem of the path.
         search: The search for a plan.
         limits: Limits to keep; those of the problem when left out.
-        phases: What follows the path.
-        reorient: Whether a reorientation leads to the start of the path.
+        sections: Further sections, or others in place of the problem's.
+        samples: Files of points that these name.
 
     Raises:
-        InputError: If scenario files cannot describe the path of the problem, the objective or a
-            phase.
+        InputError: If scenario files cannot describe the path of the problem or the objective.
     """
     (stated, timing), margin = problem.path.stated, problem.margin
     search = search or Search(joints=problem.start_joints)
     if type(search.objective) not in (Weights, *map(type, NAMED.values())):
         raise inexpressible("search.objective", search.objective, f"{', '.join(NAMED)}, Weights")
-    path, samples = section_of(stated)
+    path, points = section_of(stated)
     if problem.path.frame is not None:
         path["frame"] = problem.path.frame
     content: dict[str, Any] = {
@@ -66,17 +62,15 @@ def scenario_of(
         "path": path,
         "timing": timing_content(timing),
         "margin": {"measure": margin.measure.name, "value": float(margin.threshold)},
-        "search": search.to_dict() | ({"reorient": True} if reorient else {}),
+        "search": search.to_dict(),
     }
     if problem.redundancy is not None:
         content["redundancy"] = problem.redundancy.to_dict()
         if problem.redundancy.toward is Toward.NONE:
             content["redundancy"] |= {"gain": None, "bound": None}
-    if phases:
-        content["phases"], further = named(SECTIONS["phases"].content)(phases)
-        samples |= further
     arms = arms_content(problem.model, problem.arms, sections_of_arms(problem.path))
-    return written_scenario(problem, limits, content, arms, samples)
+    content |= sections or {}
+    return written_scenario(problem, limits, content, arms, {**points, **(samples or {})})
 
 
 def written_scenario(

@@ -33,10 +33,9 @@ class GoalMotion(Answer):
     """A motion of the joints to a goal.
 
     Attributes:
-        setting: Robot, momentum and scene, from the centre of mass at the start.
+        setting: Robot, momentum, scene and the limits that were required, from the centre of mass
+            at the start; without ``base_turn`` where the motion is a phase of a manoeuvre.
         goal: What is to be reached.
-        limits: Limits that were required; without ``base_turn`` where the motion is a phase of a
-            manoeuvre or a reorientation.
         feasible: Whether a motion was found that ends at the goal and keeps the limits.
         reason: Why this motion, or why none.
         needed: What would be enough, where it is known: a ``duration`` [s].
@@ -48,12 +47,16 @@ class GoalMotion(Answer):
 
     setting: JointSetting = field(repr=False)
     goal: Goal
-    limits: Limits = field(repr=False)
     feasible: bool
     reason: str
     needed: dict[str, float] = field(default_factory=dict)
     motion: Motion | None = field(default=None, repr=False)
     limit_results: tuple[LimitResult, ...] = field(default=(), repr=False)
+
+    @property
+    def limits(self) -> Limits:
+        """Limits that were required."""
+        return required_limits(self.setting)
 
     @property
     def phases(self) -> tuple[PhaseResult, ...]:
@@ -118,6 +121,11 @@ def last_state(motion: Motion) -> EndState:
     rates = motion.law.rates(final.time, final.attitude, final.joints).joints
     attitude = Rotation.from_quat(final.attitude).as_matrix()
     return EndState(final.time, attitude, final.joints, rates)
+
+
+def required_limits(setting: JointSetting) -> Limits:
+    """The limits that motions in a setting have to keep in addition to the joint ranges."""
+    return cast(Limits, setting.limits or Limits())
 
 
 def earlier(setting: JointSetting, duration: float) -> JointSetting:

@@ -11,7 +11,12 @@ import numpy.typing as npt
 from freefloat.beyond.missions.goals.certification import Certification
 from freefloat.beyond.missions.goals.clearances import Clearances
 from freefloat.beyond.missions.goals.goal import Goal
-from freefloat.beyond.missions.goals.goal_motion import GoalMotion, earlier, goal_setting
+from freefloat.beyond.missions.goals.goal_motion import (
+    GoalMotion,
+    earlier,
+    goal_setting,
+    required_limits,
+)
 from freefloat.beyond.missions.goals.joint_paths import JointCourse
 from freefloat.beyond.missions.goals.query import GoalStart, Query, families_of, violation_at_rest
 from freefloat.beyond.missions.goals.search import REACHED, GoalSearch
@@ -109,6 +114,7 @@ def _posed(
     require_type("goal", goal, Goal, "a Goal, such as Goal(joints=joints)")
     limits, scene = Limits() if limits is None else limits, Scene() if scene is None else scene
     require_type("limits", limits, Limits, "Limits, such as Limits(joint_rate=rates)")
+    require_type("scene", scene, Scene, "Scene(bodies, corridor)")
     accepted = "attitude and joints"
     require_type("state", state, Sequence, accepted)
     if len(state) != 2:
@@ -116,8 +122,8 @@ def _posed(
     attitude = unit_quaternion("state.attitude", state[0])
     joints = system.model.joint_vector(state[1], "state.joints")
     setting = goal_setting(system, attitude, goal, scene)
-    kept = limits_for(setting, limits) or limits
-    return Query(setting, GoalStart(attitude, joints, np.zeros_like(joints)), goal, kept)
+    setting = setting.replace(limits=limits_for(setting, limits))
+    return Query(setting, GoalStart(attitude, joints, np.zeros_like(joints)), goal)
 
 
 def move_from(query: Query, *, seed: int = 0, progress: Progress | None = None) -> GoalMotion:
@@ -133,7 +139,7 @@ def move_from(query: Query, *, seed: int = 0, progress: Progress | None = None) 
     """
     query.require_sense()
     goal = query.goal
-    outcome = GoalMotion(query.setting, goal, query.limits, False, "")
+    outcome = GoalMotion(query.setting, goal, False, "")
     reason = query.known_obstacle()
     if reason is not None:
         return replace(outcome, reason=reason)
@@ -208,11 +214,9 @@ def _at_the_goal(outcome: GoalMotion, search: GoalSearch, seed: int, goal_words:
 
 def _violation(outcome: GoalMotion, course: JointCourse) -> LimitResult | None:
     """The limit that the state at the end of a path violates; None where it keeps all."""
-    duration = float(course.duration)
-    there = earlier(outcome.setting, -duration)
-    limits = outcome.limits.seen_from(duration * outcome.setting.drift)
+    there = earlier(outcome.setting, -float(course.duration))
     attitude = Rotation.from_matrix(course.attitudes[-1]).as_quat()
-    checker = LimitChecker(there, limits)
+    checker = LimitChecker(there, required_limits(there))
     return violation_at_rest(there, checker, attitude, course.joints[-1])
 
 
@@ -220,7 +224,6 @@ def arrive(
     setting: JointSetting,
     present: tuple[Array, Array],
     state: GoalStart,
-    limits: Limits,
     *,
     duration: float | None = None,
     first_duration: float,
@@ -234,10 +237,9 @@ def arrive(
     these bodies have opposite signs.
 
     Args:
-        setting: Robot, momentum, drift and scene at time zero, from the centre of mass then.
+        setting: Robot, momentum, scene and limits at time zero, from the centre of mass then.
         present: Attitude of the spacecraft and joints where it begins.
         state: The state at the end.
-        limits: Limits to keep, from the centre of mass at time zero.
         duration: Duration [s]; None for the shortest one found that limits permit.
         first_duration: Duration with which the search for that one begins [s].
         seed: Seed of the random paths.
@@ -249,7 +251,7 @@ def arrive(
     attitude, joints = present
     query = Query(
         _backward(setting), state._replace(joint_rates=-state.joint_rates),
-        Goal(attitude=attitude, joints=joints, duration=duration), limits,
+        Goal(attitude=attitude, joints=joints, duration=duration),
         goal_words="the given beginning", first_duration=first_duration,
     )  # fmt: skip
     back = move_from(query, seed=seed, progress=progress)
@@ -262,11 +264,10 @@ def arrive(
 def _forward(outcome: GoalMotion, back: JointLaw, attitude: Array) -> GoalMotion:
     """The outcome with the motion whose joints are those of a motion backward in time."""
     there = earlier(outcome.setting, back.duration)
-    limits = outcome.limits.seen_from(-back.duration * there.drift)
     curve = JointSpline(back.curve.control_points[::-1])
     motion = integrate_spline(JointLaw(there, curve, back.duration), attitude)
-    results = LimitChecker(there, limits).results(motion)
-    return replace(outcome, setting=there, limits=limits).with_motion(motion, results)
+    results = LimitChecker(there, required_limits(there)).results(motion)
+    return replace(outcome, setting=there).with_motion(motion, results)
 
 
 def _backward(setting: JointSetting) -> JointSetting:

@@ -11,7 +11,7 @@ import numpy as np
 
 from freefloat.beyond.missions.goals.effort import SolverBudget
 from freefloat.beyond.missions.goals.goal import Goal
-from freefloat.beyond.missions.goals.goal_motion import FIRST_DURATION, earlier
+from freefloat.beyond.missions.goals.goal_motion import FIRST_DURATION, earlier, required_limits
 from freefloat.beyond.missions.goals.joint_paths import Ends, JointPaths
 from freefloat.beyond.missions.goals.placements import PlacedArm
 from freefloat.beyond.missions.goals.relaxation import Relaxation
@@ -66,10 +66,9 @@ class Query:
     """A motion to a goal that is asked for.
 
     Attributes:
-        setting: Robot, momentum, drift and scene, from the centre of mass at the start.
+        setting: Robot, momentum, scene and limits, from the centre of mass at the start.
         start: The state at the start, whose joints may move.
         goal: What is to be reached.
-        limits: Limits in addition to the joint ranges.
         goal_words: What the goal is called in reasons.
         first_duration: Duration with which the search begins where the goal has none [s].
     """
@@ -77,7 +76,6 @@ class Query:
     setting: JointSetting
     start: GoalStart
     goal: Goal
-    limits: Limits
     goal_words: str = "the goal"
     first_duration: float = FIRST_DURATION
 
@@ -85,6 +83,11 @@ class Query:
     def target(self) -> Target:
         """What the last state must be."""
         return self.goal.target(self.setting, self.start.attitude, self.start.joints)
+
+    @property
+    def limits(self) -> Limits:
+        """Limits in addition to the joint ranges."""
+        return required_limits(self.setting)
 
     @cached_property
     def checker(self) -> LimitChecker:
@@ -137,10 +140,10 @@ class Query:
 
     def known_obstacle(self) -> str | None:
         """Why no motion reaches the goal, where states at its ends show it; None otherwise."""
-        drift, duration = self.setting.drift, self.goal.duration
+        duration = self.goal.duration
         for there, attitude, joints, rests in self._known_states():
-            seen = self.limits.seen_from((duration or 0.0) * drift)
-            checker = self.checker if there is self.setting else LimitChecker(there, seen)
+            known = there is self.setting
+            checker = self.checker if known else LimitChecker(there, required_limits(there))
             violation = violation_at_rest(there, checker, attitude, joints, rests)
             if violation is not None:
                 values = ", ".join(f"{value:.4g}" for value in joints)

@@ -117,8 +117,9 @@ def _to_start(
 
     end = GoalStart(state.attitude, state.joints, state.joint_rates)
     duration = None if limits.timed else problem.path.duration
+    setting = state.setting.replace(limits=limits.without_turn)
     found = arrive(
-        state.setting, (present, joints), end, limits.without_turn, duration=duration,
+        setting, (present, joints), end, duration=duration,
         first_duration=problem.path.duration, seed=search.seed, progress=progress,
     )  # fmt: skip
     begin = -(found.duration or 0.0)

@@ -72,7 +72,7 @@ class GoalPhase(Phase):
 
         start = GoalStart(state.attitude, state.joints, state.joint_rates)
         query = Query(
-            state.setting, start, self.goal.seen_from(state.centre), limits.without_turn,
-            first_duration=state.problem.path.duration,
+            state.setting.replace(limits=limits.without_turn), start,
+            self.goal.seen_from(state.centre), first_duration=state.problem.path.duration,
         )  # fmt: skip
         return move_from(query, seed=self.seed)
