@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 _STDOUT = "-"
 
 _Format = Annotated[str | None, option(
-    "csv|mat|json|ros2|ros2-goal|mcap|aem|mjcf", "Default: by the name of -o; without -o csv.",
-    "--format",
+    "csv|mat|json|ros2|ros2-goal|mcap|aem|mjcf",
+    "Default: by the name of -o; without -o csv.", "--format",
 )]  # fmt: skip
 _Output = Annotated[str | None, option(
     "OUT", "Output file, - for stdout. Default: NAME_trajectory.csv (.mat, .json, .yaml, ...), "
