@@ -105,7 +105,7 @@ def test_a_later_phase_sees_a_point_from_its_own_centre_of_mass() -> None:
             "keep": "outside", "angle_deg": 1}  # fmt: skip
     rest = {"goal": {"joints": [0.2, -0.4], "duration": 30.0}}
     loaded = scenario(limits={"pointing": [cone]}, drift=drift.tolist(), phases=[rest])
-    first, second = (phase.motion.problem for phase in loaded.plan().phases)
+    first, second = (phase.motion.setting for phase in loaded.plan().phases)
     (before,), (after,) = first.limits.pointing, second.limits.pointing
     assert before.point == pytest.approx(point)
     assert after.point == pytest.approx(point - first.path.duration * drift)
