@@ -47,18 +47,13 @@ class Setting:
         return System(self.model, self.momentum, self.wheel_momentum, self.drift)
 
     def _require_setting(self) -> None:
-        """Raise an InputError unless the parts are of their kinds; keep arrays as checked."""
+        """Raise an InputError unless the parts are of their kinds; keep checked vectors."""
         vectors = self.system.momentum, self.system.wheels, self.system.drift
         for name, vector in zip(("momentum", "wheel_momentum", "drift"), vectors, strict=True):
             object.__setattr__(self, name, vector)
         require_type("scene", self.scene, Scene, "Scene(bodies, corridor)")
         accepted = "Limits, such as Limits(base_rate=0.02), or None"
         require_type("limits", self.limits, AttitudeLimits | None, accepted)
-
-    @property
-    def arm_joints(self) -> slice:
-        """The joints of the arms that follow paths, the first of all."""
-        return slice(self.model.arm_dof)
 
     @property
     def has_headings(self) -> bool:
@@ -192,11 +187,7 @@ class JointSetting(Setting):
         task: Task | None = None,
         measure: SingularityMeasure | None = None,
     ) -> JointSetting:
-        """The setting of a system and its scene.
-
-        By default the task is the one with the most rows that the arm can do, and the measure that
-        is shown is det S* of the task.
-        """
+        """The setting of a system and its scene, by default with det S* of :func:`natural_task`."""
         model = system.model
         task = natural_task(model) if task is None else task
         measure = singularity_measure(model, task, "gjm") if measure is None else measure

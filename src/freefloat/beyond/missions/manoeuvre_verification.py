@@ -236,7 +236,7 @@ class _JoinState:
 def _state(phase: PhaseResult, motion: Motion, state: State) -> _JoinState:
     """A state of a motion with its rates."""
     where, drift = (state.attitude, state.joints), motion.setting.drift
-    rates, arm = motion.law.rates(state.time, *where), motion.setting.arm_joints
+    rates, arm = motion.law.rates(state.time, *where), slice(motion.model.arm_dof)
     base = phase.centre + state.time * drift + state.base_position
     return _JoinState(state.attitude, state.joints[arm], base, rates.joints[arm], rates.base)
 

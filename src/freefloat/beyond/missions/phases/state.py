@@ -57,7 +57,10 @@ class SystemState:
     def at_start(cls, motion: Motion) -> SystemState:
         """The state at the beginning of a motion along the first path."""
         problem, start = motion.problem, motion.initial
-        rates, arm = motion.law.rates(0.0, start.attitude, start.joints), problem.arm_joints
+        rates, arm = (
+            motion.law.rates(0.0, start.attitude, start.joints),
+            slice(problem.model.arm_dof),
+        )
         return cls(
             _resting(problem, 0.0), 0.0, start.attitude, start.joints[arm], rates.joints[arm],
             np.zeros(3),
@@ -79,7 +82,7 @@ class SystemState:
     def after(self, motion: Motion) -> SystemState:
         """The state at the end of a motion that begins with this one."""
         law, final = motion.law, motion.final
-        duration, arm = law.timing.duration, motion.setting.arm_joints
+        duration, arm = law.timing.duration, slice(motion.model.arm_dof)
         rates = law.rates(duration, final.attitude, final.joints)
         problem = _resting(motion.problem, duration) if motion.setting.arms else self.problem
         return replace(
