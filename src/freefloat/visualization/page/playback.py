@@ -245,9 +245,10 @@ def playback(
         >>> playback.titles
         ('branch 0 elbow+', 'branch 1 elbow-')
     """
-    if not isinstance(result, Mapping):
-        return Playback(named(kind_of(result).scene)(result, title))
-    for name, motion in result.items():
-        accepted = "a Motion for each name, such as simulate(...).chosen.motion"
-        require_type(f"motions.{name}", motion, Motion, accepted)
-    return Playback(motion_scene(result, title))
+    match result:
+        case Mapping():
+            for name, motion in result.items():
+                accepted = "a Motion for each name, such as simulate(...).chosen.motion"
+                require_type(f"motions.{name}", motion, Motion, accepted)
+            return Playback(motion_scene(result, title))
+    return Playback(named(kind_of(result).scene)(result, title))
