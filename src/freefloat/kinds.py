@@ -106,15 +106,15 @@ RESULT_KINDS = {
         "cli.simulate:simulation_tables",
     ),
     "goal": ResultKind(
-        "beyond.missions.goals.goal_motion:GoalMotion", "beyond.missions.pictures:goal_figures",
-        "beyond.missions.pictures:goal_scene", "beyond.missions.manoeuvre_verification:goal_report",
+        "beyond.missions.goals.goal_motion:GoalMotion", "beyond.missions.figures:goal_figures",
+        "beyond.missions.figures:goal_scene", "beyond.missions.manoeuvre_verification:goal_report",
         "beyond.missions.values:goal_values", "beyond.missions.tables:goal_tables",
         "beyond.missions.manoeuvre_files:decode_goal",
         scenario="beyond.missions.manoeuvre_files:goal_scenario",
     ),
     "manoeuvre": ResultKind(
         "beyond.missions.phases.manoeuvre:Manoeuvre",
-        "beyond.missions.pictures:manoeuvre_figures", "beyond.missions.pictures:manoeuvre_scene",
+        "beyond.missions.figures:manoeuvre_figures", "beyond.missions.figures:manoeuvre_scene",
         "beyond.missions.manoeuvre_verification:manoeuvre_report",
         "beyond.missions.values:manoeuvre_values", "beyond.missions.tables:manoeuvre_tables",
         "beyond.missions.manoeuvre_files:decode_manoeuvre", "beyond.missions.manoeuvre_files:CODEC",

@@ -15,7 +15,7 @@ from freefloat.ensemble.ensemble import EnsembleIntegrator
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.ensemble.systems import Systems
 from freefloat.planning.candidates import Tolerance
-from freefloat.planning.space.tolerances import tolerance
+from freefloat.planning.space.deviations import tolerance
 from tests.motions import bundled
 
 

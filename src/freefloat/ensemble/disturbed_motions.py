@@ -31,8 +31,8 @@ from freefloat.ensemble.known_limits import KnownLimits, LimitValues
 from freefloat.ensemble.many_motions import ManyMotions
 from freefloat.ensemble.result import EnsembleResult
 from freefloat.ensemble.starts import starts_at
+from freefloat.ensemble.step_tolerances import STEP_TOLERANCE
 from freefloat.ensemble.systems import ScaledMotions
-from freefloat.ensemble.tolerances import STEP_TOLERANCE
 from freefloat.errors import IntegrationError
 from freefloat.motion.extrema import closest_approach
 from freefloat.motion.integration import integrate_motion

@@ -15,8 +15,8 @@ from freefloat.ensemble.endings import COMPLETED, LIMITED
 from freefloat.ensemble.kernels.integration import integrate_many
 from freefloat.ensemble.kernels.records import Motions, make_workspace
 from freefloat.ensemble.result import EnsembleResult
+from freefloat.ensemble.step_tolerances import STEP_TOLERANCE
 from freefloat.ensemble.systems import Systems
-from freefloat.ensemble.tolerances import STEP_TOLERANCE
 from freefloat.errors import InputError, finite_number, whole_number
 from freefloat.motion.margin import ROUNDING
 from freefloat.motion.pointing import AttitudeLimits

@@ -12,7 +12,7 @@ from freefloat.concurrency import Progress, require_memory, run_chunks
 from freefloat.ensemble.endings import COMPLETED
 from freefloat.ensemble.integrators import Integrator, integrator_for
 from freefloat.ensemble.result import REGULAR_RATIO, BranchResults, EnsembleResult
-from freefloat.ensemble.tolerances import STEP_TOLERANCE
+from freefloat.ensemble.step_tolerances import STEP_TOLERANCE
 from freefloat.ensemble.wrist_flips import WRIST_BODIES, flip_wrists, has_wrist_flipped_branches
 from freefloat.ik.branches import closed_form
 from freefloat.motion.margin import keeps_threshold

@@ -11,7 +11,7 @@ import numpy as np
 from freefloat.dynamics.redundancy import Redundancy
 from freefloat.ensemble.compiled_motions import precise_motion
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
-from freefloat.ensemble.tolerances import step_tolerance
+from freefloat.ensemble.step_tolerances import step_tolerance
 from freefloat.ik.branches import ArmBranch
 from freefloat.ik.numbering import MAX_BRANCHES
 from freefloat.limits.limits import Limits

@@ -27,8 +27,8 @@ from freefloat.planning.plane.arcs import BranchRanges
 from freefloat.planning.plane.continuation import keeps_from_nearby
 from freefloat.planning.searches.adversary import violations
 from freefloat.planning.settings import PLAN_ATTITUDES
+from freefloat.planning.space.deviations import LONGEST, NearbyAttitudes, radius_around, tolerance
 from freefloat.planning.space.mapping import sample_attitudes
-from freefloat.planning.space.tolerances import LONGEST, NearbyAttitudes, radius_around, tolerance
 from freefloat.records import Known
 from freefloat.so3 import Array
 from freefloat.verification.comparisons import Check

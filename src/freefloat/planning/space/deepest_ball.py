@@ -27,7 +27,7 @@ from freefloat.planning.searches.pattern_search import (
 )
 from freefloat.planning.settings import SearchDomain
 from freefloat.planning.space.attitude_map import AttitudeMap
-from freefloat.planning.space.tolerances import EFFORT, NearbyAttitudes, confirmed
+from freefloat.planning.space.deviations import EFFORT, NearbyAttitudes, confirmed
 from freefloat.so3 import Array, IntArray, angle_between, rotation_vector_to
 
 _ROUNDS = 16
