@@ -201,7 +201,7 @@ def _maps(model: FreeFloatingModel, joints: npt.ArrayLike, task: Task) -> tuple[
     """
     robot, data, axes = model.pin_model, model.scratch, task.reference_frame
     frames = model.frame_ids
-    if np.ndim(joints) == 2:
+    if (getattr(joints, "ndim", None) or np.ndim(joints)) == 2:  # np.ndim costs more
         rows = configurations(joints, model.dof)
         A_G, J = np.empty((2, len(rows), 6, 6 + model.dof))
         J = np.repeat(J, len(frames), axis=1)
@@ -220,12 +220,12 @@ def _maps(model: FreeFloatingModel, joints: npt.ArrayLike, task: Task) -> tuple[
         A_G = conserved(model, A_G)
     if model.arms:
         A_G, J = A_G[..., : 6 + model.arm_dof], J[..., : 6 + model.arm_dof]
-    return _in_plane(model, task, A_G), _in_plane(model, task, J)
+    return (A_G, J) if not task.planar else (_in_plane(model, A_G), _in_plane(model, J))
 
 
-def _in_plane(model: FreeFloatingModel, task: Task, M: Array) -> Array:
-    """A matrix of :func:`_maps` along the axes of a planar task's plane."""
-    if not task.planar or (plane := required_plane(model, task)).is_level:
+def _in_plane(model: FreeFloatingModel, M: Array) -> Array:
+    """A matrix of :func:`_maps` along the axes of the plane of a planar robot."""
+    if (plane := required_plane(model, Task.PLANAR_POSE)).is_level:
         return M
     M = np.moveaxis(plane.rows(np.moveaxis(M, -2, 0)), 0, -2)
     M[..., :6] = np.moveaxis(plane.rows(np.moveaxis(M[..., :6], -1, 0)), 0, -1)
@@ -253,4 +253,5 @@ def _map_derivatives(
     if model.on_table:
         A_G, dA_G[..., CARRIED, :] = conserved(model, A_G), 0.0
     columns = slice(6 + model.arm_dof)
-    return tuple(_in_plane(model, task, M[..., columns]) for M in (A_G, J, dA_G, dJ))
+    selected = tuple(M[..., columns] for M in (A_G, J, dA_G, dJ))
+    return tuple(_in_plane(model, M) for M in selected) if task.planar else selected

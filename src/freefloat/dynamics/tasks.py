@@ -48,16 +48,14 @@ class Task(StrEnum):
         """
         return _ROWS[self]
 
-    @property
-    def reference_frame(self) -> pin.ReferenceFrame:
-        """Axes of the rows: those of the end-effector for ``pointing``, otherwise the inertial."""
-        return pin.LOCAL if self is Task.POINTING else pin.LOCAL_WORLD_ALIGNED
-
     planar: bool
     """Whether the motion is confined to a plane."""
+    reference_frame: pin.ReferenceFrame
+    """Axes of the rows: those of the end-effector for ``pointing``, otherwise the inertial."""
 
     def __init__(self, value: str) -> None:
         self.planar = value.startswith("planar-")
+        self.reference_frame = pin.LOCAL if value == "pointing" else pin.LOCAL_WORLD_ALIGNED
 
     @property
     def prescribes_orientation(self) -> bool:
