@@ -78,17 +78,25 @@ def test_a_result_is_saved_and_loaded(kind: str, tmp_path: Path) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("asked", "part"),
-    [("goal", "goal"), ("goal", "search"), ("manoeuvre", "search"), ("manoeuvre", "phases")],
+    [
+        ("goal", "goal"),
+        ("goal", "search"),
+        ("goal", "seed"),
+        ("manoeuvre", "search"),
+        ("manoeuvre", "phases"),
+    ],
 )
 def test_a_scenario_that_asks_for_something_else_is_altered(
     asked: str, part: str, tmp_path: Path
 ) -> None:
-    """The goal or a phase ends elsewhere, it begins elsewhere, or there is a reorientation."""
+    """Another end of the goal or a phase, another start, another seed, or a reorientation."""
     ff.save(result(asked), tmp_path / "result.h5")
 
     def other(text: str) -> str:
         content = yaml.safe_load(text)
-        if part == "phases":
+        if part == "seed":
+            content["search"]["seed"] += 1
+        elif part == "phases":
             phase = next(phase for phase in content["phases"] if "goal" in phase)
             phase["goal"]["joints"][0] += 0.01
         elif asked == "manoeuvre":

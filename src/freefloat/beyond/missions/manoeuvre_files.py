@@ -32,11 +32,11 @@ from freefloat.verification import leaves
 
 def goal_scenario(result: GoalMotion) -> Scenario:
     """The scenario that poses the goal; joint rates, which scenarios lack, are in the record."""
-    content: dict[str, Any] = {"goal": _stated(result.goal)}
+    search: dict[str, Any] = {"seed": result.seed}
     if result.motion is not None:
         first = result.motion.initial
-        start = {"from_attitude": first.attitude.tolist(), "joints": first.joints.tolist()}
-        content["search"] = start
+        search |= {"from_attitude": first.attitude.tolist(), "joints": first.joints.tolist()}
+    content = {"goal": _stated(result.goal), "search": search}
     return written_scenario(result.setting, result.limits, content)
 
 
@@ -54,8 +54,10 @@ def decode_goal(tree: Tree, scenario: Scenario) -> GoalMotion:
     setting = JointSetting.of(scenario.system(), scenario.scene(), scenario.limits())
     result = leaves.CODEC.decode(GoalMotion, tree, {JointSetting: setting})
     _require_same("goal", _stated(scenario.goal()), _stated(result.goal))
+    search = scenario.search()
+    _require_same("seed", [search.seed], [result.seed])
     if result.motion is not None:
-        first, search = result.motion.initial, scenario.search()
+        first = result.motion.initial
         if search.from_attitude is None or search.joints is None:
             raise ValueError("its scenario has no present state")
         stated = [*search.from_attitude, *setting.model.joint_vector(search.joints)]

@@ -54,7 +54,8 @@ def goal_report(result: GoalMotion, engine: str) -> tuple[CheckReport, Known]:
         result: The record, computed or loaded from a file.
         engine: As for :func:`~freefloat.verification.check.check`.
     """
-    motion, law, known = result.motion, result.law, dict[str, Any](goal=Origin.GIVEN)
+    motion, law = result.motion, result.law
+    known = dict[str, Any](goal=Origin.GIVEN, seed=Origin.GIVEN)
     if motion is None or law is None:
         missing = Check("motion", False, f"there is none: {result.reason}")
         return CheckReport(result.kind, (missing,)), Known(GoalMotion, known)

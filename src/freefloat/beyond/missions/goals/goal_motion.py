@@ -41,6 +41,7 @@ class GoalMotion(Answer):
         needed: What would be enough, where it is known: a ``duration`` [s].
         motion: The motion; None where none was found. It may violate a limit.
         limit_results: Limits along it.
+        seed: Seed of the random paths of the search.
     """
 
     kind: ClassVar[str] = "goal"
@@ -52,6 +53,7 @@ class GoalMotion(Answer):
     needed: dict[str, float] = field(default_factory=dict)
     motion: Motion | None = field(default=None, repr=False)
     limit_results: tuple[LimitResult, ...] = field(default=(), repr=False)
+    seed: int = 0
 
     @property
     def limits(self) -> Limits:

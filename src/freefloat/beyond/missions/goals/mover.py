@@ -137,13 +137,13 @@ def move_from(query: Query, *, seed: int = 0, progress: Progress | None = None) 
     """
     query.require_sense()
     goal = query.goal
-    outcome = GoalMotion(query.setting, goal, False, "")
+    outcome = GoalMotion(query.setting, goal, False, "", seed=seed_number("seed", seed))
     reason = query.known_obstacle()
     if reason is not None:
         return replace(outcome, reason=reason)
     part = 1.0 if goal.duration is None else _FIRST
     search = _search(query, step_of(progress, 0.0, part))
-    found = search.shortest(seed_number("seed", seed))
+    found = search.shortest(outcome.seed)
     if found is not None:
         return outcome.with_motion(found.motion, found.results)
     longer: GoalMotion | None = None
