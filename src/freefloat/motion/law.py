@@ -1,7 +1,7 @@
 """Laws of motion: what moves the arm, a path of the end-effector or prescribed joints.
 
-The conservation of momentum adds the motion of the spacecraft. Limits, forces, states that are
-handed on, exports and checks ask the law of a motion. A law serves one thread.
+The conservation of momentum adds the motion of the spacecraft. Limits, forces, states between
+phases, exports and checks use the law of a motion. A law is for one thread.
 """
 
 from __future__ import annotations

@@ -53,7 +53,7 @@ def decode_goal(tree: Tree, scenario: Scenario) -> GoalMotion:
     """
     setting = JointSetting.of(scenario.system(), scenario.scene(), scenario.limits())
     result = leaves.CODEC.decode(GoalMotion, tree, {JointSetting: setting})
-    _require_same("goal", _stated(scenario.goal()), _stated(result.goal))
+    _require_same_goal("goal", scenario.goal(), result.goal)
     search = scenario.search()
     _require_same("seed", [search.seed], [result.seed])
     if result.motion is not None:
@@ -71,6 +71,13 @@ def _require_same(name: str, asked: Any, found: Any) -> None:
         raise ValueError(f"its {name} is not that of its scenario")
     if next(leaves.differences(asked, found), None) is not None:
         raise ValueError(f"its {name} is not that of its scenario")
+
+
+def _require_same_goal(name: str, asked: Goal, found: Goal) -> None:
+    """Raise a ValueError unless two goals are the same, in the same frame."""
+    _require_same(name, _stated(asked), _stated(found))
+    if asked.frame != found.frame:
+        raise ValueError(f"its {name} is in another frame than that of its scenario")
 
 
 def manoeuvre_scenario(manoeuvre: Manoeuvre) -> Scenario:
@@ -124,7 +131,7 @@ def _following(
         planned = _decoded(tree, setting, own)
         if isinstance(phase, GoalPhase):
             goal = cast(GoalMotion, planned.result).goal
-            _require_same(phase.name, _stated(phase.goal.seen_from(state.centre)), _stated(goal))
+            _require_same_goal(phase.name, phase.goal.seen_from(state.centre), goal)
         yield planned
         if planned.feasible:
             state = phase.end(state, planned.result)

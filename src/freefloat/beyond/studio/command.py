@@ -77,8 +77,8 @@ def studio(
 def redirect_page(address: str, folder: Path) -> Iterator[Path]:
     """A page that leads to an address; it is deleted after a minute, or at the end of the context.
 
-    All users of a machine can read the arguments of its processes, and an address that a browser is
-    told to open is one. The page is told instead; its owner alone can read it.
+    All users of a machine can read the arguments of its processes, and an address that a browser
+    opens is one. So the browser opens the page; its owner alone can read it.
 
     Args:
         address: The address, with nothing that HTML would escape.
