@@ -22,6 +22,7 @@ from freefloat.limits.kinds.joint_torque import JointTorqueLimit
 from freefloat.limits.limits import GIVEN, Limits
 from freefloat.motion.motion import Motion
 from freefloat.paths.time_laws import Speeds
+from freefloat.paths.timing import Timing
 from freefloat.planning.timing.path_limits import LimitRows, PathLimits
 from freefloat.planning.timing.smooth_profile import smooth_speeds
 from freefloat.so3 import Array
@@ -100,7 +101,20 @@ def fastest_speeds(
     x[1:-1] = np.where(x[1:-1] > 0.0, x[1:-1], _NEARLY_STILL * beside)
     if not x[1:-1].all():
         return ()
-    speeds = np.sqrt(x)
+    return _timed(knots, np.sqrt(x))
+
+
+def fewer_speeds(timing: Timing, intervals: int) -> Speeds:
+    """The speeds of a timing at the ends of so many intervals, or of all if there are fewer.
+
+    They are those of :func:`fastest_speeds` without limits of jerks.
+    """
+    times, speeds = np.array(timing.speeds).T
+    kept = np.linspace(0, len(times) - 1, min(intervals + 1, len(times))).round().astype(np.int64)
+    return _timed(timing.s(times[kept]), speeds[kept])
+
+
+def _timed(knots: Array, speeds: Array) -> Speeds:
     times = np.append(0.0, np.cumsum(2.0 * np.diff(knots) / (speeds[1:] + speeds[:-1])))
     return tuple(zip(times.tolist(), speeds.tolist(), strict=True))
 
