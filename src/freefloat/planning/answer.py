@@ -11,7 +11,6 @@ from freefloat.limits.check import Contact, deepest_contact
 from freefloat.limits.limits import Limits
 from freefloat.limits.result import LimitResult, violated
 from freefloat.motion.motion import Motion
-from freefloat.motion.problem import Problem
 from freefloat.so3 import Array, frozen, zeros
 
 if TYPE_CHECKING:
@@ -131,10 +130,6 @@ class Answer:
     kind: ClassVar[str]
 
     if TYPE_CHECKING:  # fields of some answers, properties of others
-
-        @property
-        def problem(self) -> Problem:
-            """The problem of the first path."""
 
         @property
         def feasible(self) -> bool:

@@ -30,10 +30,9 @@ from freefloat.planning.timing.speed_profile import INTERVALS, fastest_speeds, f
 
 _MOST, _AGREE = 12, 5e-4
 """Attitudes and timings that are tried, and relative difference of durations that agree."""
-_FEWER, _FEWEST = 128, 48
-"""Intervals of the timing with limits of accelerations or torques, to which they are adapted: the
-duration is 0.01 to 0.4 % longer than with 400. Every motion of a map passes all of them, so that
-another attitude is looked for with the fewest."""
+_FEWER, _FEWEST = 128, 24
+"""Intervals of the timing with limits of accelerations or torques, to which they are adapted (the
+duration is 0.01 to 0.4 % longer than with 400), and of timings with which attitudes are sought."""
 _INSIDE = 0.999
 """Fraction of the limits to be used: the motion depends on the timing."""
 NARROWER = 0.03
@@ -83,7 +82,10 @@ def agreeing_plan(
                 return at_first_guess(slow, plan.problem), False
         else:
             narrower = limits.narrower(NARROWER * (number + 2))
-            current = planned(_searched(problem, limits), limits=narrower, to_retime=True)
+            searched = problem
+            if limits.joint_jerk is None:  # whose timings have smooth speeds
+                searched = with_speeds(problem, fewer_speeds(problem.path.timing, _FEWEST))
+            current = planned(searched, limits=narrower, to_retime=True)
         if current.chosen is None or not current.feasible:
             break
         chosen = current.chosen
@@ -143,8 +145,7 @@ def _with_fastest_timing(
             return None, False
         problem = with_speeds(motion.problem, speeds)
         motion = integrate_motion(problem, start.attitude, start.joints)
-        agree = abs(problem.path.duration - duration) <= _AGREE * duration
-        settled = agree and motion.completed
+        settled = motion.completed and abs(problem.path.duration / duration - 1.0) <= _AGREE
         if settled or not motion.completed:
             break
     return simulated_branch(before.branch, motion), settled
@@ -154,13 +155,6 @@ def with_speeds(problem: Problem, speeds: Speeds) -> Problem:
     """The problem with the timing that has these pairs of times [s] and speeds ds/dt."""
     timing = Timing(speeds[-1][0], TimeLaw.OPTIMAL, speeds=speeds)
     return replace(problem, path=replace(problem.path, timing=timing))
-
-
-def _searched(problem: Problem, limits: Limits) -> Problem:
-    """The problem with nearly the same timing, at which motions of a map cost less."""
-    if limits.joint_jerk is not None:  # its speeds are smooth
-        return problem
-    return with_speeds(problem, fewer_speeds(problem.path.timing, _FEWEST))
 
 
 def with_timing(

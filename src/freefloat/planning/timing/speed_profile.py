@@ -105,12 +105,9 @@ def fastest_speeds(
 
 
 def fewer_speeds(timing: Timing, intervals: int) -> Speeds:
-    """The speeds of a timing at the ends of so many intervals, or of all if there are fewer.
-
-    They are those of :func:`fastest_speeds` without limits of jerks.
-    """
+    """Rows of :func:`fastest_speeds`, without limits of jerks, of fewer intervals."""
     times, speeds = np.array(timing.speeds).T
-    kept = np.linspace(0, len(times) - 1, min(intervals + 1, len(times))).round().astype(np.int64)
+    kept = np.linspace(0, len(times) - 1, intervals + 1).round().astype(np.int64)
     return _timed(timing.s(times[kept]), speeds[kept])
 
 
