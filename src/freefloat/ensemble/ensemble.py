@@ -105,7 +105,7 @@ class EnsembleIntegrator:
         systems = systems or Systems.of(self.problem)
         robots = None
         if systems.robots is not None:
-            self.problem.model.require_one_arm("robots that differ")
+            self.problem.model.require_supported("robots that differ")
             robots = systems.robots.properties(self.problem)
         duration = self.problem.path.duration
         columns = 3 * n + 1 + len(self._spares)

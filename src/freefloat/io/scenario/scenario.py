@@ -159,7 +159,7 @@ class Scenario(PlannedScenario):
             section = self.content.goal
             if section is None:
                 return None
-            self.model().require_one_arm("motions to a goal")
+            self.model().require_supported("motions to a goal")
             return section.to_goal(self.model())
 
     def search(self) -> Search:

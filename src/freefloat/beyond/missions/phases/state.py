@@ -155,7 +155,7 @@ class ExpectedState:
             InputError: If further arms follow paths.
         """
         problem = problem.with_arms_resting(problem.path.duration)
-        problem.model.require_one_arm("phases")
+        problem.model.require_supported("phases")
         path = problem.path
         pose, twist = path.path.pose(1.0), path.twist(path.duration) + path.drift_twist
         return cls(problem, problem.scene.bodies, path.duration, pose, twist)
