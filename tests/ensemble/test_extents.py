@@ -40,7 +40,7 @@ def extents(joints: np.ndarray, rates: np.ndarray, turn: np.ndarray) -> Ensemble
 
 def precise(motion: Motion) -> EnsembleResult:
     """Those of a precise motion, with the rates of (4)."""
-    n = motion.problem.model.arm_dof
+    n = motion.problem.dof
     times = np.linspace(0.0, motion.problem.path.duration, INSTANTS)
     states = motion.sample(times)
     rates = [motion.law.rates(s.time, s.attitude, s.joints) for s in states]

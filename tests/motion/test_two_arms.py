@@ -74,7 +74,7 @@ def problem():
 )
 def test_motions_agree_with_an_integration_of_our_own_and_with_mujoco(seed, both):
     case = random_case(np.random.default_rng(seed), both=both)
-    problem, n = case.problem, case.problem.model.arm_dof
+    problem, n = case.problem, case.problem.dof
     motion = ff.integrate_motion(problem, case.attitude, case.joints)
     assert motion.completed
     near = problem.replace(start_joints=case.joints)

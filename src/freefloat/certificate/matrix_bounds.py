@@ -109,7 +109,7 @@ class ScaledSystem:
                  for body, inertia in zip(model.bodies[1:], inertias[1:], strict=True)]  # fmt: skip
         self._model, self._task, self._length = model, task, L
         self._locked = float(np.sqrt(2.0) * pairs * L**2 + spread.sum())
-        self._moving = np.cumsum(moved[::-1])[::-1][: model.arm_dof]
+        self._moving = np.cumsum(moved[::-1])[::-1][: motion.setting.dof]
         self._end_effectors = len(model.end_effector_links)
         self._joint_units = np.where(model.prismatic, reach, 1.0)
         self.base = base_rotations(model, task)

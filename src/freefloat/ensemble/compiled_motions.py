@@ -41,7 +41,7 @@ def _compiled(problem: Problem, attitude: Array, joints: Array) -> Motion | None
         from freefloat.ensemble.ensemble import EnsembleIntegrator  # compiled kernels import slowly
     except MissingNumbaError:
         return None
-    n, duration = problem.model.arm_dof, problem.path.duration
+    n, duration = problem.dof, problem.path.duration
     rows = np.empty((MAX_STEPS + 2, 9 + 2 * n))
     result = EnsembleIntegrator(problem, 1, tolerance=_TOLERANCE).integrate(
         attitude[None], joints[None], stricter=True, steps=rows

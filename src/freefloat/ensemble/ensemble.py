@@ -101,7 +101,7 @@ class EnsembleIntegrator:
             InputError: If an array has another shape, a number is not finite, or a time is not on
                 the path.
         """
-        K, n = len(joints), self.problem.model.arm_dof
+        K, n = len(joints), self.problem.dof
         systems = systems or Systems.of(self.problem)
         robots = None
         if systems.robots is not None:
@@ -113,7 +113,7 @@ class EnsembleIntegrator:
             moments = np.empty((K if extremes else 0, columns))
         motions = Motions(
             self._axes.attitudes(_checked("attitudes", attitudes, (K, 4))),
-            _checked("joints", joints[:, :n] if self.problem.arms else joints, (K, n)),
+            _checked("joints", self.problem.solved_joints(joints), (K, n)),
             self._axes.systems(systems.columns(K)),
             robots,
             _checked("starts", np.zeros(K) if starts is None else starts, (K,), duration),

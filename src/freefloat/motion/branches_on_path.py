@@ -106,7 +106,7 @@ class BranchesOnPath(Setting):
         Raises:
             InputError: Listing the branches when the joints lie near none.
         """
-        values = self.model.joint_vector(joints)[: self.model.arm_dof]
+        values = self.solved_joints(self.model.joint_vector(joints))
         near = self.nearest(values, branches)
         if self.redundant:
             poses = self.poses_seen_from(np.asarray(attitude)[None])

@@ -139,7 +139,7 @@ class PathLaw:
                 attitude, joints, rates, change[0], problem.task, arm_accelerations
             )
         speeds, speed_rates = (np.asarray(value)[..., None] for value in (speed, change[1]))
-        values = np.concatenate([twist, speeds, rates[..., 3 + problem.model.arm_dof :]], -1)
+        values = np.concatenate([twist, speeds, rates[..., 3 + problem.dof :]], -1)
         changes = np.concatenate([change[0], speed_rates, arm_accelerations], -1)
         accelerations = self._differentiated(attitude, joints, rates, values, changes)
         return self._dynamics.of_joints(attitude, joints, rates, accelerations)

@@ -144,7 +144,7 @@ class Problem(BranchesOnPath):
         self._require_paths()
         if self.start_joints is not None:
             joints = frozen(self.model.joint_vector(self.start_joints, "start_joints"))
-            object.__setattr__(self, "start_joints", frozen(joints[: self.model.arm_dof]))
+            object.__setattr__(self, "start_joints", frozen(self.solved_joints(joints)))
         if self.redundancy is not None:
             accepted = "Redundancy, such as Redundancy(metric='energy')"
             require_type("redundancy", self.redundancy, Redundancy, accepted)
@@ -220,10 +220,6 @@ class Problem(BranchesOnPath):
             return twist_and_speed
         further = self.arms.prescribed_between(start, end)
         return lambda t: (*twist_and_speed(t), *further(t))
-
-    def all_joints(self, joints: Array, t: float) -> Array:
-        """Values of all moving joints (n,) for those of the arm, further arms as at a time [s]."""
-        return np.concatenate([joints[: self.model.arm_dof], self.arms.at(t)])
 
     def resolved_rate_solver(self) -> ResolvedRateSolver:
         """Solver of equation (4) for this problem."""

@@ -72,20 +72,30 @@ class Setting:
         return required_plane(self.model, self.task)
 
     @property
+    def dof(self) -> int:
+        """Number of joints that equation (4) solves for; time gives those on joint curves."""
+        return self.model.arm_dof
+
+    @property
     def redundant(self) -> bool:
-        """Whether the arms that follow paths have more joints than the task has rows."""
-        return self.model.arm_dof > len(prescribed_rows(self.model, self.task))
+        """Whether equation (4) solves for more joints than the task has rows."""
+        return self.dof > len(prescribed_rows(self.model, self.task))
+
+    def solved_joints(self, joints: Array) -> Array:
+        """Values or rates (..., dof) that equation (4) solves for, of all joints or of these."""
+        return joints[..., : self.dof] if joints.shape[-1] == self.model.dof else joints
+
+    def joints_at(self, t: float | Array, joints: Array) -> Array:
+        """Values (..., n) of all joints at times (...) [s], for those that (4) solves for."""
+        return np.concatenate([self.solved_joints(joints), self.arms.at(t)], axis=-1)
 
     def model_at(self, t: float = 0.0) -> FreeFloatingModel:
         """The robot with the arms that follow paths, further arms fixed as at a time [s]."""
-        if not self.arms:
-            return self.model
-        if t not in self._models_at_times:
-            self._models_at_times[t] = self._model_at(t)
-        return self._models_at_times[t]
+        models = self._models_at_times
+        return models.get(t) or models.setdefault(t, self._model_at(t))
 
     def _model_at(self, t: float) -> FreeFloatingModel:
-        return self.model.with_arms_at(self.arms.at(t)) if self.arms else self.model
+        return self.model.with_arms_at(self.arms.at(t))
 
     @cached_property
     def _models_at_times(self) -> dict[float, FreeFloatingModel]:

@@ -88,7 +88,7 @@ def frame_of(
     if search.joints is None:
         problem = f"{kind} needs search.joints, which is missing"
         raise InputError("path.frame", problem, "inertial, or the present joints in search.joints")
-    joints = model.joint_vector(search.joints, "search.joints")[: model.arm_dof]
+    joints = model.joint_vector(search.joints, "search.joints")[: model.dof - len(further)]
     joints, attitude = np.concatenate([joints, further]), search.from_attitude
     attitude = UPRIGHT if attitude is None else attitude
     if isinstance(kind, FrameName):
