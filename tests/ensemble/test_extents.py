@@ -67,7 +67,7 @@ def assert_precise(motion: Motion) -> None:
     """At the tolerance of maps, where errors of the motion are as large, and at a fine one."""
     assert motion.completed
     problem, first, expected = motion.problem, motion.initial, precise(motion)
-    coarse = 1e-8 if problem.arms else step_tolerance(problem)  # joint curves have knots
+    coarse = 1e-8 if problem.robot_varies else step_tolerance(problem)  # joint curves have knots
     for tolerance, rate, value in ((coarse, 1e-5, 5e-6), (1e-9, 1e-5, 1e-6)):
         integrator = EnsembleIntegrator(problem, 1, tolerance=tolerance)
         state = first.attitude[None], first.joints[None]

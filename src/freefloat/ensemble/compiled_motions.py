@@ -31,7 +31,7 @@ def precise_motion(problem: Problem, attitude: Array, joints: Array) -> Motion:
     The reference engine gives motions that end early, exactly up to their singularity, and those
     with further arms on joint curves; see :func:`.integration.integrate_motion`.
     """
-    motion = None if problem.arms else _compiled(problem, attitude, joints)
+    motion = None if problem.robot_varies else _compiled(problem, attitude, joints)
     return motion or integrate_motion(problem, attitude, joints)
 
 

@@ -124,7 +124,7 @@ class EnsembleIntegrator:
             moments,
             np.empty((0, 1)) if steps is None else steps,
         )
-        properties, paths = 0 if robots is None else robots.shape[1], len(self.problem.path.every)
+        properties, paths = 0 if robots is None else robots.shape[1], len(self.problem.path.by_arm)
         sizes = n, self._arrays.robot.m, len(self._spares), properties, paths
         result = EnsembleResult.empty((K,), n, len(self._spares))
         chunk = min(_CHUNK, max(-(-K // self.threads), _FEWEST))

@@ -81,6 +81,11 @@ class Setting:
         """Whether equation (4) solves for more joints than the task has rows."""
         return self.dof > len(prescribed_rows(self.model, self.task))
 
+    @property
+    def robot_varies(self) -> bool:
+        """Whether the robot depends on time: joints are on joint curves."""
+        return bool(self.arms)
+
     def solved_joints(self, joints: Array) -> Array:
         """Values or rates (..., dof) that equation (4) solves for, of all joints or of these."""
         return joints[..., : self.dof] if joints.shape[-1] == self.model.dof else joints
@@ -102,10 +107,7 @@ class Setting:
         return {}
 
     def reach(self, t: float = 0.0) -> float:
-        """Upper bound of the distance from the centre of mass to the end-effector [m].
-
-        Further arms on joint curves are as at a time [s].
-        """
+        """Upper bound at a time [s] of the end-effector's distance from the centre of mass [m]."""
         return reach_bound(self._model_at(t))
 
     @property

@@ -126,7 +126,7 @@ def span_check(motion: Motion) -> Check:
 
 def arms_check(motion: Motion) -> Iterator[Check]:
     """Check that further arms move along their curves."""
-    if not motion.setting.arms:
+    if not motion.setting.robot_varies:
         return
     joints = motion.setting.joints_at(motion.times, motion.joints)
     error = np.abs(motion.joints - joints).max(axis=1)

@@ -80,7 +80,8 @@ class SystemState:
         law, final, solved = motion.law, motion.final, motion.setting.solved_joints
         duration = law.timing.duration
         rates = law.rates(duration, final.attitude, final.joints)
-        problem = _resting(motion.problem, duration) if motion.setting.arms else self.problem
+        varies = motion.setting.robot_varies
+        problem = _resting(motion.problem, duration) if varies else self.problem
         return replace(
             self, problem=problem, time=self.time + duration, attitude=final.attitude,
             joints=solved(final.joints), joint_rates=solved(rates.joints),
@@ -121,7 +122,7 @@ class SystemState:
 
 def _resting(problem: Problem, t: float) -> Problem:
     """A problem without its start, arms on joint curves resting as at a time [s]."""
-    return replace(problem.with_arms_resting(t), start_joints=None)
+    return replace(problem.at_rest(t), start_joints=None)
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,7 +151,7 @@ class ExpectedState:
         Raises:
             InputError: If further arms follow paths.
         """
-        problem = problem.with_arms_resting(problem.path.duration)
+        problem = problem.at_rest(problem.path.duration)
         problem.model.require_supported("phases")
         path = problem.path
         pose, twist = path.path.pose(1.0), path.twist(path.duration) + path.drift_twist
