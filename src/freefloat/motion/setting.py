@@ -96,7 +96,7 @@ class Setting:
 
     def model_at(self, t: float = 0.0) -> FreeFloatingModel:
         """The robot with the arms that follow paths, further arms fixed as at a time [s]."""
-        models = self._models_at_times
+        models, t = self._models_at_times, t if self.robot_varies else 0.0
         return models.get(t) or models.setdefault(t, self._model_at(t))
 
     def _model_at(self, t: float) -> FreeFloatingModel:
