@@ -113,7 +113,7 @@ class EnsembleIntegrator:
             moments = np.empty((K if extremes else 0, columns))
         motions = Motions(
             self._axes.attitudes(_checked("attitudes", attitudes, (K, 4))),
-            _checked("joints", self.problem.solved_joints(joints), (K, n)),
+            _checked("joints", self.problem.solved_joints(np.asarray(joints)), (K, n)),
             self._axes.systems(systems.columns(K)),
             robots,
             _checked("starts", np.zeros(K) if starts is None else starts, (K,), duration),
