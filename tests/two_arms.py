@@ -45,7 +45,7 @@ class Case:
     @property
     def curve(self) -> CubicSpline:
         """Joints of the other arm, none where it follows a line."""
-        if not self.problem.arms:
+        if not self.problem.robot_varies:
             return CubicSpline([0.0, DURATION], np.zeros((2, 0)))
         curve = self.problem.arms.curves["other"]
         return CubicSpline(curve.times, curve.waypoints, bc_type="clamped")

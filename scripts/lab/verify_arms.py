@@ -53,7 +53,7 @@ def deviations(rng: np.random.Generator, both: bool) -> tuple[str, list[float]] 
     ensemble = EnsembleIntegrator(problem, 1, tolerance=1e-9).integrate(
         case.attitude[None], case.joints[None]
     )
-    final, n = motion.final, problem.model.arm_dof
+    final, n = motion.final, problem.dof
     values = [
         float(angle_between(final.attitude, attitude)),
         float(np.abs(final.joints[:n] - joints).max()),

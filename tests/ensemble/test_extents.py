@@ -40,7 +40,7 @@ def extents(joints: np.ndarray, rates: np.ndarray, turn: np.ndarray) -> Ensemble
 
 def precise(motion: Motion) -> EnsembleResult:
     """Those of a precise motion, with the rates of (4)."""
-    n = motion.problem.model.arm_dof
+    n = motion.problem.dof
     times = np.linspace(0.0, motion.problem.path.duration, INSTANTS)
     states = motion.sample(times)
     rates = [motion.law.rates(s.time, s.attitude, s.joints) for s in states]
@@ -67,7 +67,7 @@ def assert_precise(motion: Motion) -> None:
     """At the tolerance of maps, where errors of the motion are as large, and at a fine one."""
     assert motion.completed
     problem, first, expected = motion.problem, motion.initial, precise(motion)
-    coarse = 1e-8 if problem.arms else step_tolerance(problem)  # joint curves have knots
+    coarse = 1e-8 if problem.robot_varies else step_tolerance(problem)  # joint curves have knots
     for tolerance, rate, value in ((coarse, 1e-5, 5e-6), (1e-9, 1e-5, 1e-6)):
         integrator = EnsembleIntegrator(problem, 1, tolerance=tolerance)
         state = first.attitude[None], first.joints[None]

@@ -74,7 +74,7 @@ def problem():
 )
 def test_motions_agree_with_an_integration_of_our_own_and_with_mujoco(seed, both):
     case = random_case(np.random.default_rng(seed), both=both)
-    problem, n = case.problem, case.problem.model.arm_dof
+    problem, n = case.problem, case.problem.dof
     motion = ff.integrate_motion(problem, case.attitude, case.joints)
     assert motion.completed
     near = problem.replace(start_joints=case.joints)
@@ -154,7 +154,9 @@ def test_plans_are_saved_loaded_and_checked(tmp_path, scenario):
     plan = ff.plan(problem, ff.Search("robust"), Limits(joint_rate=[1.0] * 4, clearance="off"))
     assert plan.feasible
     widths = [part.width for entry in plan.ranges for part in entry.ranges]
-    assert 0.5 < min(widths) < max(widths) < 2.0 if problem.arms else widths == [2 * np.pi] * 4
+    assert (
+        0.5 < min(widths) < max(widths) < 2.0 if problem.robot_varies else widths == [2 * np.pi] * 4
+    )
     ff.save(plan, tmp_path / "plan.h5")
     loaded = ff.load(tmp_path / "plan.h5")
     assert loaded.problem.model.joint_names[2:] == ("left_q1", "left_q2")
@@ -162,7 +164,7 @@ def test_plans_are_saved_loaded_and_checked(tmp_path, scenario):
     assert {result.where for result in loaded.limit_results} & {"left_q1", "left_q2"}
     times = np.linspace(0.0, 20.0, 41)
     left = np.array([state.joints[2:] for state in loaded.chosen.motion.sample(times)])
-    if problem.arms:
+    if problem.robot_varies:
         np.testing.assert_allclose(left, problem.arms.at(times), atol=1e-9)
     else:  # exports and the page have the end-effectors of both arms
         right, other = Trajectory.of(loaded.chosen.motion, times).end_effectors
@@ -256,7 +258,7 @@ def test_what_needs_one_moving_arm_refuses_others(scenario):
         (distance_to_singularity, model, joints, "planar-position"),
         (ff.move, system, ([0.0, 0.0, 0.0, 1.0], joints), ff.Goal(joints=joints), Limits()),
         (ff.capture, system, ff.Client(1.0, [1.0] * 3), [0.0, 0.0, 0.0, 1.0], joints, [0.0] * 4),
-        *([] if problem.arms else [(ff.plan_manoeuvre, problem)]),
+        *([] if problem.robot_varies else [(ff.plan_manoeuvre, problem)]),
         (ff.track, ff.simulate(problem, heading=3.3)),
     ):
         assert error_key(call, *arguments) == "robot.arms", call

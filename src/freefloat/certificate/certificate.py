@@ -183,7 +183,7 @@ def _regular_panels(motion: Motion) -> int:
 
 def momentum_scale(motion: Motion) -> float:
     """See :attr:`Certificate.momentum_scale`."""
-    scale, n = motion.setting.system.momentum_bound, motion.model.arm_dof
+    scale, n = motion.setting.system.momentum_bound, motion.setting.dof
     _, states, slopes = _with_slopes(motion)
     _, Dq = inertia_matrices(motion.model, states[:, 5:])
     carried = turned(Dq[..., :n], slopes[:, 5 : 5 + n])

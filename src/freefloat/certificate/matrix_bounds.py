@@ -109,8 +109,8 @@ class ScaledSystem:
                  for body, inertia in zip(model.bodies[1:], inertias[1:], strict=True)]  # fmt: skip
         self._model, self._task, self._length = model, task, L
         self._locked = float(np.sqrt(2.0) * pairs * L**2 + spread.sum())
-        self._moving = np.cumsum(moved[::-1])[::-1][: model.arm_dof]
-        self._end_effectors = len(model.end_effector_links)
+        self._moving = np.cumsum(moved[::-1])[::-1][: motion.setting.dof]
+        self._end_effectors = len(model.single_arms)
         self._joint_units = np.where(model.prismatic, reach, 1.0)
         self.base = base_rotations(model, task)
         rows, columns = unit_factors(model, task)
@@ -155,8 +155,7 @@ def _chain_length(motion: Motion) -> float:
     model = motion.model
     extents = joint_extents(motion)
     centres = max(float(np.linalg.norm(body.centre)) for body in model.bodies)
-    tools = [model.link_places[link][1].position for link in model.end_effector_links]
-    last = max(*(float(np.linalg.norm(tool)) for tool in tools), centres)
+    last = max(*(float(np.linalg.norm(arm.tool.position)) for arm in model.single_arms), centres)
     links = sum(float(np.linalg.norm(body.placement.position)) for body in model.bodies[1:])
     strokes = np.maximum(np.abs(extents.low), np.abs(extents.high))[model.prismatic].sum()
     return float(centres + links + last + strokes)

@@ -100,10 +100,9 @@ def _tables(summary: RobotSummary, default_link: bool) -> Iterator[RenderableTyp
     yield f"end-effector {model.end_effector}{default}, task {summary.task}, {model.arm_dof} joints"
     if summary.plane is not None:
         yield f"moves in the {summary.plane.name}; headings are about {summary.plane.axis}"
-    for name, link in model.arms.items():
-        yield f"arm {name}, to {link}, moves along a joint curve; lengths and reach are for zero"
-    for name, link in model.path_arms.items():
-        yield f"arm {name}, to {link}, follows a path of its own; lengths and reach are for zero"
+    for name, moves in model.further_motions.items():
+        link = model.further_arms[name]
+        yield f"arm {name}, to {link}, {moves}; lengths and reach are for zero"
     origin = "the centre of mass"
     if model.on_table and not summary.task.planar:
         origin = "the origin: on the vertical of the centre of mass, at the height of the root link"

@@ -46,7 +46,7 @@ class LinkFrames(NamedTuple):
 
 def link_frames(model: FreeFloatingModel) -> LinkFrames:
     """Choose the link frames of a robot with one moving arm."""
-    model.require_one_arm("ensembles and maps of the joint space")
+    model.require_supported("ensembles and maps of the joint space")
     axes, points, rotations = joints_at_zero(model)
     n = len(axes)
     x, origin = -axis_frame(axes[0])[:, 0], points[0]

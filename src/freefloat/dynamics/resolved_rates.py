@@ -157,7 +157,7 @@ class ResolvedRateSolver:
             b[..., rows] = self._prescribed(own.T).T
         if self._further:
             if arm_rates is None:
-                self._model.require_one_arm("these joint rates")
+                self._model.require_supported("these joint rates")
             b[..., self._task.stop :] = arm_rates
         if self._wheels:
             b[..., self._conserved] = self._system.body_momentum(attitude)[..., self._axes]

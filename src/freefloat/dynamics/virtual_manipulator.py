@@ -57,7 +57,7 @@ class VirtualManipulator:
     @lru_cache(maxsize=16)
     def of(cls, model: FreeFloatingModel) -> VirtualManipulator:
         """The virtual manipulator of a robot with one moving arm."""
-        model.require_one_arm("reach and regions")
+        model.require_supported("reach and regions")
         bodies = model.bodies
         arm = bodies[1:]
         fractions = np.array([body.mass for body in bodies]) / model.total_mass

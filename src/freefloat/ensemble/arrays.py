@@ -88,17 +88,17 @@ def cubics_through(values: Array) -> tuple[Array, Array]:
 def kernel_problem(problem: Problem, limits: AttitudeLimits | None = None) -> ProblemTables:
     """The arrays that the kernels read of a problem and of limits of attitude."""
     model, path, limits = problem.model_at(), problem.path, limits or AttitudeLimits()
-    if path.arms:
+    if len(path.by_arm) > 1:
         _require_two_paths(problem, limits)
     frames = link_frames(model.single_arms[0])
     robot, measure = kernel_measure(model, problem.task, problem.margin.measure.name, frames)
-    if problem.arms:
+    if problem.robot_varies:
         properties = robot.properties.copy()
         properties[REACH] = unit_of_length(problem.model, problem.task)
         robot = robot._replace(properties=properties, further=kernel_arms(problem, frames))
     _require_own_bodies(problem.model, limits)
     cones = _cones(model.single_arms[0], frames, limits, path.duration)
-    course = _course(path.every, path.breaks)
+    course = _course([*path.by_arm.values()], path.breaks)
     return ProblemTables(robot, course, measure, _null_space(problem), TABLEAU, cones)
 
 
@@ -117,9 +117,8 @@ def kernel_measure(
 def _require_two_paths(problem: Problem, limits: AttitudeLimits) -> None:
     """Raise an InputError for what kernels of two arms on paths do not know."""
     key, accepted = "robot.arms", "two arms, each on a path; simulate also takes others"
-    if problem.arms or len(problem.path.arms) > 1:
-        moving = [*problem.path.arms, *problem.arms.curves]
-        raise InputError(key, f"{', '.join(moving)} move beside the first arm", accepted)
+    if len(further := problem.model.further_arms) > 1:
+        raise InputError(key, f"{', '.join(further)} move beside the first arm", accepted)
     if limits.pointing:
         problem_text = "it was given, but two arms follow paths"
         raise InputError("limits.pointing", problem_text, "no such limit, or simulate")

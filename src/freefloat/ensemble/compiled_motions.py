@@ -31,7 +31,7 @@ def precise_motion(problem: Problem, attitude: Array, joints: Array) -> Motion:
     The reference engine gives motions that end early, exactly up to their singularity, and those
     with further arms on joint curves; see :func:`.integration.integrate_motion`.
     """
-    motion = None if problem.arms else _compiled(problem, attitude, joints)
+    motion = None if problem.robot_varies else _compiled(problem, attitude, joints)
     return motion or integrate_motion(problem, attitude, joints)
 
 
@@ -41,7 +41,7 @@ def _compiled(problem: Problem, attitude: Array, joints: Array) -> Motion | None
         from freefloat.ensemble.ensemble import EnsembleIntegrator  # compiled kernels import slowly
     except MissingNumbaError:
         return None
-    n, duration = problem.model.arm_dof, problem.path.duration
+    n, duration = problem.dof, problem.path.duration
     rows = np.empty((MAX_STEPS + 2, 9 + 2 * n))
     result = EnsembleIntegrator(problem, 1, tolerance=_TOLERANCE).integrate(
         attitude[None], joints[None], stricter=True, steps=rows

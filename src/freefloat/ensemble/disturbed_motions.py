@@ -106,7 +106,7 @@ def integrate_disturbed(
         every[found] = values[chosen[found]]
         return every
 
-    table = EnsembleResult.empty((len(attitudes),), problem.model.arm_dof, motions.slacks.shape[1])
+    table = EnsembleResult.empty((len(attitudes),), problem.dof, motions.slacks.shape[1])
     table.assign(found, EnsembleResult._make(values[chosen[found]] for values in motions))
     shifts = shifts_into_ranges(problem.model_at(), table.lower, table.upper)
     return ManyMotions(

@@ -101,11 +101,11 @@ class EnsembleIntegrator:
             InputError: If an array has another shape, a number is not finite, or a time is not on
                 the path.
         """
-        K, n = len(joints), self.problem.model.arm_dof
+        K, n = len(joints), self.problem.dof
         systems = systems or Systems.of(self.problem)
         robots = None
         if systems.robots is not None:
-            self.problem.model.require_one_arm("robots that differ")
+            self.problem.model.require_supported("robots that differ")
             robots = systems.robots.properties(self.problem)
         duration = self.problem.path.duration
         columns = 3 * n + 1 + len(self._spares)
@@ -113,7 +113,7 @@ class EnsembleIntegrator:
             moments = np.empty((K if extremes else 0, columns))
         motions = Motions(
             self._axes.attitudes(_checked("attitudes", attitudes, (K, 4))),
-            _checked("joints", joints[:, :n] if self.problem.arms else joints, (K, n)),
+            _checked("joints", self.problem.solved_joints(np.asarray(joints)), (K, n)),
             self._axes.systems(systems.columns(K)),
             robots,
             _checked("starts", np.zeros(K) if starts is None else starts, (K,), duration),
@@ -124,7 +124,7 @@ class EnsembleIntegrator:
             moments,
             np.empty((0, 1)) if steps is None else steps,
         )
-        properties, paths = 0 if robots is None else robots.shape[1], len(self.problem.path.every)
+        properties, paths = 0 if robots is None else robots.shape[1], len(self.problem.path.by_arm)
         sizes = n, self._arrays.robot.m, len(self._spares), properties, paths
         result = EnsembleResult.empty((K,), n, len(self._spares))
         chunk = min(_CHUNK, max(-(-K // self.threads), _FEWEST))

@@ -69,7 +69,7 @@ class FeasibilityEvaluator:
         bodies = [problem.model.link_places[limit.body][0] for limit in self.limits.pointing]
         on_wrist = not set(bodies).isdisjoint(WRIST_BODIES)  # whose axes wrist flips move
         self.wrist_flipped = has_wrist_flipped_branches(problem) and not on_wrist
-        exact = not problem.path.arms and closed_form(problem.model_at(), problem.task)
+        exact = closed_form(problem.model_at(), problem.task)
         self.sample_reduction = 1 if exact else _REDUCTION
 
     @property

@@ -60,7 +60,7 @@ class PreciseIntegrator:
         progress: Progress | None = None,
     ) -> EnsembleResult:
         """See ``EnsembleIntegrator.integrate``."""
-        K, n = len(joints), self.problem.model.arm_dof
+        K, n = len(joints), self.problem.dof
         starts = np.zeros(K) if starts is None else starts
         ends = np.full(K, self.problem.path.duration) if ends is None else ends
         result = EnsembleResult.empty((K,), n, self._limits.number)
@@ -81,7 +81,7 @@ class PreciseIntegrator:
 
     def _note(self, motion: Motion, k: int, stop_below: float, result: EnsembleResult) -> None:
         """Write the results of motion k."""
-        n, final = self.problem.model.arm_dof, motion.final
+        n, final = self.problem.dof, motion.final
         joints = motion.joints[:, :n]
         result.attitudes[k], result.joints[k] = final.attitude, final.joints[:n]
         result.lower[k], result.upper[k] = joints.min(axis=0), joints.max(axis=0)

@@ -91,7 +91,7 @@ def simulate_many(
     required = problem.margin.threshold if thresholds is None else thresholds
     required = broadcast("thresholds", required, (count,), "magnitudes, 0 or more", 0.0, np.inf)
     if joints is not None:
-        joints = problem.model.joint_vector(joints)[: problem.model.arm_dof]
+        joints = problem.solved_joints(problem.model.joint_vector(joints))
     q0 = broadcast("attitudes", q0, (count, 4))
     return integrate_disturbed(disturbed, q0, required, branch, joints, threads, progress)
 

@@ -92,7 +92,7 @@ def _starts_of_robot(
             return Starts(sets.joints, numbers)
         column = slice(branch, branch + 1)
         if not numbers[:, column].size:
-            return _none(len(attitudes), problem.model.arm_dof)
+            return _none(len(attitudes), problem.dof)
         return Starts(sets.joints[:, column], numbers[:, column])
     poses = problem.poses_seen_from(attitudes, offsets=offsets)
     sets = closest_branches(problem.model_at(), *poses, problem.task, joints)
@@ -116,7 +116,7 @@ def _starts_of_robots(
     """
     count, offsets = len(attitudes), systems.start_offsets
     if joints is None and problem.redundant:
-        certain, found = np.zeros(count, dtype=bool), _none(count, problem.model.arm_dof)
+        certain, found = np.zeros(count, dtype=bool), _none(count, problem.dof)
     else:
         found = _starts_of_robot(problem, attitudes, branch, joints, offsets)
         begun = found.joints
@@ -137,7 +137,7 @@ def _starts_of_robots(
         exact[k] = starts_at(systems.path_of(problem, k), attitudes[k : k + 1], branch, near)
     parts = [(slice(count), found), *((slice(k, k + 1), starts) for k, starts in exact.items())]
     width = max(starts.branches.shape[1] for _, starts in parts)
-    every = np.full((count, width, problem.model.arm_dof), np.nan), np.full((count, width), -1)
+    every = np.full((count, width, problem.dof), np.nan), np.full((count, width), -1)
     for rows, starts in parts:
         columns = starts.branches.shape[1]
         every[0][rows, :columns], every[1][rows, :columns] = starts.joints, starts.branches

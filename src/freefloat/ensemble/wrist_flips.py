@@ -25,14 +25,12 @@ def has_wrist_flipped_branches(problem: Problem) -> bool:
     rotating the fourth and sixth joints by pi and reversing the fifth gives the same end-effector
     pose and moves no mass. Branch 2 k + 1 is then the wrist-flipped branch of branch 2 k.
     """
-    if problem.path.arms:
-        return False
-    virtual, model = VirtualManipulator.of(problem.model_at()), problem.model_at()
+    model = problem.model_at()
     if closed_form(model, problem.task) is not ClosedForm.ELBOW_AND_WRIST:
         return False
     if problem.start_joints is not None:  # of two wrist-flipped branches one is considered
         return False
-    h4, h5, h6 = virtual.axes_at(np.zeros(6))[3:]
+    h4, h5, h6 = VirtualManipulator.of(model).axes_at(np.zeros(6))[3:]
     heaviest = max(np.abs(body.inertia).max() for body in model.bodies)
     massless = all(
         body.mass < _NEGLIGIBLE * model.total_mass

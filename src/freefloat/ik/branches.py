@@ -112,9 +112,9 @@ class ClosedForm(Enum):
 
 def closed_form(model: FreeFloatingModel, task: Task) -> ClosedForm | None:
     """The closed form of an arm's branches for a task, None where they are searched for."""
-    virtual = VirtualManipulator.of(model)
-    if model.on_table and not task.planar:
+    if not model.has_one_arm or (model.on_table and not task.planar):
         return None
+    virtual = VirtualManipulator.of(model)
     if task is Task.POSE and virtual.has_elbow_and_spherical_wrist:
         return ClosedForm.ELBOW_AND_WRIST
     if task.planar and len(task.rows) == model.dof and not virtual.prismatic.any():
@@ -157,6 +157,7 @@ def many_arm_branches(
     Returns:
         The branches at each pose, as in :func:`arm_branches`.
     """
+    model.require_supported("reach and regions")
     form = closed_form(model, task)
     if form is None:
         return search_arm_branches(model, positions, rotations, task)

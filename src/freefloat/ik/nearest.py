@@ -41,7 +41,7 @@ def closest_branches(
     Returns:
         The branches, at most one at each pose; that of a redundant arm is in column 0.
     """
-    every = several_arm_branches if model.path_arms else many_arm_branches
+    every = several_arm_branches if positions.ndim > 2 else many_arm_branches
     if model.dof <= len(prescribed_rows(model, task)):
         return _closest_of(model, every(model, positions, rotations, task), joints)
     lower, upper = model.joint_ranges

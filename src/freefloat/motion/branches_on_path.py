@@ -37,7 +37,7 @@ class BranchesOnPath(Setting):
             t: Time [s].
         """
         attitude = self.attitude(attitude)
-        if self.start_joints is not None or self.path.arms:
+        if self.start_joints is not None or len(self.path.by_arm) > 1:
             return self.many_branches(attitude[None], t)[0]
         R0 = rotation_matrix(attitude)
         return arm_branches(self.model_at(t), self.path.pose(t).seen_from(R0), self.task)
@@ -56,7 +56,7 @@ class BranchesOnPath(Setting):
         at = self.model_at(t), *self.poses_seen_from(attitudes, t, offsets), self.task
         if self.start_joints is not None and t == 0.0:
             return closest_branches(*at, self.start_joints)
-        if not self.path.arms:
+        if len(self.path.by_arm) == 1:
             return many_arm_branches(*at)
         only = None if branch is None else np.broadcast_to(branch, len(attitudes))
         return several_arm_branches(*at, only)
@@ -70,13 +70,13 @@ class BranchesOnPath(Setting):
         have an offset in the inertial frame for each attitude [m], shape (K, 3).
         """
         seen = [pose.seen_from_each(attitudes) for pose in self.path.poses(t)]
-        if not self.path.arms:
-            if offsets is None:
-                return seen[0]
-            back = rotation_matrix(attitudes).swapaxes(1, 2)
-            return seen[0][0] + np.einsum("kij,kj->ki", back, offsets), seen[0][1]
-        positions, rotations = zip(*seen, strict=True)
-        return np.array(positions), np.array(rotations)
+        if len(seen) > 1:
+            positions, rotations = zip(*seen, strict=True)
+            return np.array(positions), np.array(rotations)
+        if offsets is None:
+            return seen[0]
+        back = rotation_matrix(attitudes).swapaxes(1, 2)
+        return seen[0][0] + np.einsum("kij,kj->ki", back, offsets), seen[0][1]
 
     def closest_start(self, attitude: npt.ArrayLike) -> Array | None:
         """Joints (n,) at the start closest to ``start_joints``; None without, or out of reach."""
@@ -106,7 +106,7 @@ class BranchesOnPath(Setting):
         Raises:
             InputError: Listing the branches when the joints lie near none.
         """
-        values = self.model.joint_vector(joints)[: self.model.arm_dof]
+        values = self.solved_joints(self.model.joint_vector(joints))
         near = self.nearest(values, branches)
         if self.redundant:
             poses = self.poses_seen_from(np.asarray(attitude)[None])

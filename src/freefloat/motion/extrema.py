@@ -276,5 +276,5 @@ def unwrapped(motion: Motion) -> Motion:
     """
     model, extents = motion.model, joint_extents(motion)
     shifts = shifts_into_ranges(model, extents.low, extents.high)
-    shifts[model.arm_dof :] = 0.0  # joint curves are kept
+    shifts[motion.setting.dof :] = 0.0  # joint curves are kept
     return replace(motion, joints=motion.joints + shifts) if shifts.any() else motion

@@ -99,7 +99,7 @@ def motion_from(problem: Problem, node: Array, end: float, tolerance: float) -> 
         IntegrationError: If the integrator fails for a reason other than a singularity.
     """
     rows, ending = _integrate(problem, ArcFlow(problem), node, end, tolerance)
-    rows[:, 5 + problem.model.arm_dof :] = problem.arms.at(rows[:, 0])
+    rows[:, 5:] = problem.joints_at(rows[:, 0], rows[:, 5:])
     motion = Motion(PathLaw(problem), ending, rows[:, 0], rows[:, 1:5], rows[:, 5:])
     if problem.redundant:
         return motion
@@ -116,8 +116,8 @@ def _first_node(
     duration = problem.path.duration
     for key, time in (("start", start), ("end", end)):
         finite_number(key, time, f"a time from 0 to {duration:g} s", 0.0, duration)
-    joints = problem.all_joints(values, start)
-    if len(values) == len(joints) and problem.model.arms:
+    joints = problem.joints_at(start, values)
+    if len(values) == len(joints):
         errors = np.abs(values - joints)
         if errors[k := int(errors.argmax())] > _ON_PATH:
             of_joint = f"{problem.model.joint_names[k]} is {errors[k]:.3g}"
@@ -181,7 +181,7 @@ class ArcFlow:
             pointing = problem.task is Task.POINTING
             self.stalled = _TIME_UNITS / SPINNING_SPEED if pointing else _STALLED
         self._solver = problem.resolved_rate_solver()
-        self._arm = slice(5, 5 + problem.model.arm_dof)
+        self._arm = slice(5, 5 + problem.dof)
 
     def __call__(self, y: Array, prescribed: Prescription, reference: Array) -> Array:
         """The tangent at a point (5 + n,) of the curve, whose attitude may have any length.

@@ -41,7 +41,7 @@ def integrate_spline(law: JointLaw, attitude: Array) -> Motion:
     Raises:
         IntegrationError: If the spacecraft turns too fast for the panels.
     """
-    law.setting.model.require_one_arm("joint motions")
+    law.setting.model.require_supported("joint motions")
     timing, system, spline = law.timing, law.setting.system, law.curve
     panels = _PANELS * spline.spans
     half = law.duration / panels / 2.0

@@ -105,13 +105,8 @@ class PathLaw:
         return self.problem.path.pose(t)
 
     def ways(self, actual: Pose) -> dict[str, Pose]:
-        """K poses along the way of each end-effector by its arm, the first without a name.
-
-        The end-effector has K actual poses along a motion.
-        """
-        path, s = self.problem.path, np.linspace(0.0, 1.0, len(actual.position))
-        paths = zip(("", *path.arms), path.every, strict=True)
-        return {name: own.pose_at(s) for name, own in paths}
+        """K poses along the way of each end-effector, by arm, as many as actual ones are given."""
+        return self.problem.path.poses_at(np.linspace(0.0, 1.0, len(actual.position)))
 
     def with_arms_at_rest(self, model: FreeFloatingModel, joints: Mapping[str, Array]) -> Self:
         """The law of a robot whose further arms rest at joints (m,), by their names."""
@@ -139,7 +134,7 @@ class PathLaw:
                 attitude, joints, rates, change[0], problem.task, arm_accelerations
             )
         speeds, speed_rates = (np.asarray(value)[..., None] for value in (speed, change[1]))
-        values = np.concatenate([twist, speeds, rates[..., 3 + problem.model.arm_dof :]], -1)
+        values = np.concatenate([twist, speeds, rates[..., 3 + problem.dof :]], -1)
         changes = np.concatenate([change[0], speed_rates, arm_accelerations], -1)
         accelerations = self._differentiated(attitude, joints, rates, values, changes)
         return self._dynamics.of_joints(attitude, joints, rates, accelerations)
@@ -159,7 +154,7 @@ class PathLaw:
         """
         still = _EXCURSION / self.problem.path.duration
         step = _EXCURSION / np.maximum(np.abs(rates).max(axis=-1, keepdims=True), still)
-        end = 6 * len(self.problem.model.end_effector_links)
+        end = 6 * len(self.problem.path.by_arm)
         states = joints + np.multiply.outer(_DIFFERENCES, step * rates[..., 3:])
         turns = np.multiply.outer(_DIFFERENCES, step * rates[..., :3]).reshape(-1, 3)
         attitudes = np.broadcast_to(attitude, (*states.shape[:-1], 4)).reshape(-1, 4)

@@ -31,6 +31,7 @@ from freefloat.motion.problem_parts import (
 from freefloat.paths.curves import Curve
 from freefloat.paths.orientation import FreeOrientation
 from freefloat.paths.path import EndEffectorPath
+from freefloat.paths.path_stack import path_key
 from freefloat.paths.timed_path import TimedPath
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.source import RobotSource
@@ -144,7 +145,7 @@ class Problem(BranchesOnPath):
         self._require_paths()
         if self.start_joints is not None:
             joints = frozen(self.model.joint_vector(self.start_joints, "start_joints"))
-            object.__setattr__(self, "start_joints", frozen(joints[: self.model.arm_dof]))
+            object.__setattr__(self, "start_joints", frozen(self.solved_joints(joints)))
         if self.redundancy is not None:
             accepted = "Redundancy, such as Redundancy(metric='energy')"
             require_type("redundancy", self.redundancy, Redundancy, accepted)
@@ -156,18 +157,17 @@ class Problem(BranchesOnPath):
 
     def _require_paths(self) -> None:
         """Raise an InputError unless there is a path for each arm, as the task needs it."""
-        names, arms = self.path.arms, tuple(self.model.path_arms)
+        names, arms = [*self.path.by_arm][1:], [*self.model.path_arms]
         if names != arms:
             problem = f"paths of {', '.join(names) or 'no further arm'} were given"
             accepted = f"paths of {', '.join(arms) or 'no further arm'}: PathStack.of(...)"
             raise InputError("robot.arms", problem, accepted)
-        keys = ["path", *(f"robot.arms.{name}.law.path" for name in arms)]
-        for key, path in zip(keys, self.path.every, strict=True):
+        for arm, path in self.path.by_arm.items():
             free = isinstance(path.path.orientation, FreeOrientation)
             if free and self.task.prescribes_orientation:
                 problem = f"it is missing, task {self.task} needs it"
                 accepted = "EndEffectorPath(curve, FixedOrientation(axes)), or another law"
-                raise InputError(f"{key}.attitude", problem, accepted)
+                raise InputError(f"{path_key(arm)}.attitude", problem, accepted)
 
     @property
     def depends_on_timing(self) -> bool:
@@ -188,9 +188,9 @@ class Problem(BranchesOnPath):
         path = self.path.with_drift(system.drift)
         return self.replace(model=system.model, path=path, **momenta)
 
-    def with_arms_resting(self, t: float) -> Problem:
-        """The same problem, further arms on joint curves being fixed as at a time [s]."""
-        if not self.arms:
+    def at_rest(self, t: float) -> Problem:
+        """The same problem, the robot being at all times as it is at a time [s]."""
+        if not self.robot_varies:
             return self
         chain, limits = self.model_at(t), self.limits
         limits = limits and limits.of_joints(chain.dof)
@@ -199,7 +199,7 @@ class Problem(BranchesOnPath):
     @cached_property
     def breaks(self) -> Array:
         """Times [s], rising, at which high derivatives of the path or of joint curves jump."""
-        if not self.arms:
+        if not self.robot_varies:
             return self.path.breaks
         both, apart = np.union1d(self.path.breaks, self.arms.breaks), _APART * self.path.duration
         both = both[(both > apart) & (both < self.path.duration - apart)]
@@ -208,22 +208,15 @@ class Problem(BranchesOnPath):
     def prescribed(self, t: float | Array, segment: int | IntArray | None = None) -> Prescribed:
         """What the rates at times [s] have to be, with the segments of :meth:`.Timing.s`."""
         twist, speed = self.path.twist_and_speed(t, segment)
-        return twist, speed, self.arms.at(t, 1) if self.arms else None
+        return twist, speed, self.arms.at(t, 1) if self.robot_varies else None
 
     def prescribed_between(self, start: float, end: float) -> Prescription:
-        """What is prescribed between two times [s] without a break between them.
-
-        It is also valid a little beyond.
-        """
+        """What is prescribed between times [s] without a break in between, and a little beyond."""
         twist_and_speed = self.path.prescribed_between(start, end)
-        if not self.arms:
+        if not self.robot_varies:
             return twist_and_speed
         further = self.arms.prescribed_between(start, end)
         return lambda t: (*twist_and_speed(t), *further(t))
-
-    def all_joints(self, joints: Array, t: float) -> Array:
-        """Values of all moving joints (n,) for those of the arm, further arms as at a time [s]."""
-        return np.concatenate([joints[: self.model.arm_dof], self.arms.at(t)])
 
     def resolved_rate_solver(self) -> ResolvedRateSolver:
         """Solver of equation (4) for this problem."""

@@ -18,6 +18,7 @@ from freefloat.motion.margin import Margin
 from freefloat.paths.curves import Curve
 from freefloat.paths.orientation import FreeOrientation
 from freefloat.paths.path import EndEffectorPath
+from freefloat.paths.path_stack import path_key
 from freefloat.paths.timed_path import TimedPath
 from freefloat.paths.timing import Timing
 from freefloat.robot.model import FreeFloatingModel
@@ -120,9 +121,8 @@ def require_planar(plane: Plane, system: System, path: TimedPath, task: Task) ->
     """Raise an InputError unless a planar robot and its path stay in its plane."""
     require_planar_system(plane, system)
     arms = [VirtualManipulator.of(arm) for arm in system.model.single_arms]
-    keys = ["path", *(f"robot.arms.{name}.law.path" for name in path.arms)]
-    for key, arm, own in zip(keys, arms, path.every, strict=True):
-        _require_path_in_plane(key, plane, arm, own, task)
+    for (name, own), arm in zip(path.by_arm.items(), arms, strict=True):
+        _require_path_in_plane(path_key(name), plane, arm, own, task)
 
 
 def _require_path_in_plane(

@@ -65,7 +65,7 @@ def start_offset(
 
     The attitude is a unit quaternion x, y, z, w, shape (4,); joints are by name, or of shape (n,).
     """
-    values = problem.all_joints(problem.model.joint_vector(joints), 0.0)
+    values = problem.joints_at(0.0, problem.model.joint_vector(joints))
     distance, angle = path_errors(problem, np.zeros(1), attitude[None], values[None])[0]
     return float(distance), float(angle)
 

@@ -72,30 +72,42 @@ class Setting:
         return required_plane(self.model, self.task)
 
     @property
+    def dof(self) -> int:
+        """Number of joints that equation (4) solves for; time gives those on joint curves."""
+        return self.model.arm_dof
+
+    @property
     def redundant(self) -> bool:
-        """Whether the arms that follow paths have more joints than the task has rows."""
-        return self.model.arm_dof > len(prescribed_rows(self.model, self.task))
+        """Whether equation (4) solves for more joints than the task has rows."""
+        return self.dof > len(prescribed_rows(self.model, self.task))
+
+    @property
+    def robot_varies(self) -> bool:
+        """Whether the robot depends on time: joints are on joint curves."""
+        return bool(self.arms)
+
+    def solved_joints(self, joints: Array) -> Array:
+        """Values or rates (..., dof) that equation (4) solves for, of all joints or of these."""
+        return joints[..., : self.dof] if joints.shape[-1] == self.model.dof else joints
+
+    def joints_at(self, t: float | Array, joints: Array) -> Array:
+        """Values (..., n) of all joints at times (...) [s], for those that (4) solves for."""
+        return np.concatenate([self.solved_joints(joints), self.arms.at(t)], axis=-1)
 
     def model_at(self, t: float = 0.0) -> FreeFloatingModel:
         """The robot with the arms that follow paths, further arms fixed as at a time [s]."""
-        if not self.arms:
-            return self.model
-        if t not in self._models_at_times:
-            self._models_at_times[t] = self._model_at(t)
-        return self._models_at_times[t]
+        models, t = self._models_at_times, t if self.robot_varies else 0.0
+        return models.get(t) or models.setdefault(t, self._model_at(t))
 
     def _model_at(self, t: float) -> FreeFloatingModel:
-        return self.model.with_arms_at(self.arms.at(t)) if self.arms else self.model
+        return self.model.with_arms_at(self.arms.at(t))
 
     @cached_property
     def _models_at_times(self) -> dict[float, FreeFloatingModel]:
         return {}
 
     def reach(self, t: float = 0.0) -> float:
-        """Upper bound of the distance from the centre of mass to the end-effector [m].
-
-        Further arms on joint curves are as at a time [s].
-        """
+        """Upper bound at a time [s] of the end-effector's distance from the centre of mass [m]."""
         return reach_bound(self._model_at(t))
 
     @property

@@ -96,7 +96,7 @@ def singularity_kind(model: FreeFloatingModel, task: Task, joints: Array) -> Sin
     left, values, right = np.linalg.svd(S)
     lost = rows * left[:, -1]
     change = [lost @ system_matrix_derivative(model, joints, e, task)[k:, k:]
-              for e in np.eye(model.dof)[: model.arm_dof]]  # fmt: skip
+              for e in np.eye(len(columns), model.dof)]  # fmt: skip
     second = columns[:, None] * np.array(change) * columns
     null = right[m - 1 :]
     slope = float(np.linalg.norm(second @ null[0]))

@@ -19,6 +19,11 @@ _APART = 1e-6
 """Smallest distance of breaks, as a fraction of the duration."""
 
 
+def path_key(arm: str) -> str:
+    """The key of an arm's path in scenario files; the first arm has no name."""
+    return f"robot.arms.{arm}.law.path" if arm else "path"
+
+
 @dataclass(frozen=True, eq=False)
 class PathStack(TimedPath):
     """The path of the first end-effector, with those of the end-effectors of further arms.
@@ -46,7 +51,7 @@ class PathStack(TimedPath):
         super().__post_init__()
         require_type("path.further", self.further, Mapping, "a map from arms to TimedPaths")
         for name, path in self.further.items():
-            key = f"robot.arms.{name}.law.path"
+            key = path_key(name)
             require_type(key, path, TimedPath, "a TimedPath")
             if (path.timing, path.stated[1]) != (self.timing, self.first.stated[1]):
                 accepted = "the time law of the first, both in frames that tumble or neither"
@@ -63,14 +68,9 @@ class PathStack(TimedPath):
         return cls(first.path, first.timing, first.drift, first=first, further=dict(further))
 
     @property
-    def arms(self) -> tuple[str, ...]:
+    def by_arm(self) -> dict[str, TimedPath]:
         """See :class:`~freefloat.paths.timed_path.TimedPath`."""
-        return tuple(self.further)
-
-    @property
-    def every(self) -> tuple[TimedPath, ...]:
-        """See :class:`~freefloat.paths.timed_path.TimedPath`."""
-        return (self.first, *self.further.values())
+        return {"": self.first, **self.further}
 
     def stretched(self, factor: float) -> PathStack:
         """See :class:`~freefloat.paths.timed_path.TimedPath`."""
@@ -95,17 +95,17 @@ class PathStack(TimedPath):
     @property
     def depends_on_time(self) -> bool:
         """See :class:`~freefloat.paths.timed_path.TimedPath`."""
-        return any(path.depends_on_time for path in self.every)
+        return any(path.depends_on_time for path in self.by_arm.values())
 
     @cached_property
     def breaks(self) -> Array:
         """See :class:`~freefloat.paths.timed_path.TimedPath`."""
-        times = np.unique(np.concatenate([path.breaks for path in self.every]))
+        times = np.unique(np.concatenate([path.breaks for path in self.by_arm.values()]))
         return frozen(times[np.diff(times, prepend=0.0) > _APART * self.duration])
 
     def prescribed_between(self, start: float, end: float) -> Prescription:
         """See :class:`~freefloat.paths.timed_path.TimedPath`."""
-        every = [path.prescribed_between(start, end) for path in self.every]
+        every = [path.prescribed_between(start, end) for path in self.by_arm.values()]
 
         def twists_and_speed(t: float) -> tuple[Array, float]:
             twists, speeds = zip(*(prescribed(t) for prescribed in every), strict=True)
@@ -117,11 +117,11 @@ class PathStack(TimedPath):
         self, t: float | Array, segment: int | IntArray | None = None
     ) -> tuple[Array, Any]:
         """See :class:`~freefloat.paths.timed_path.TimedPath`."""
-        twists, speeds = zip(
-            *(path.twist_and_speed(t, segment) for path in self.every), strict=True
-        )
+        every = (path.twist_and_speed(t, segment) for path in self.by_arm.values())
+        twists, speeds = zip(*every, strict=True)
         return np.concatenate(twists, axis=-1), speeds[0]
 
     def twist_rate(self, t: float | Array, segment: int | IntArray | None = None) -> Array:
         """See :class:`~freefloat.paths.timed_path.TimedPath`."""
-        return np.concatenate([path.twist_rate(t, segment) for path in self.every], axis=-1)
+        rates = [path.twist_rate(t, segment) for path in self.by_arm.values()]
+        return np.concatenate(rates, axis=-1)

@@ -59,19 +59,14 @@ class TimedPath:
         return self.timing.duration
 
     @property
-    def arms(self) -> tuple[str, ...]:
-        """Names of the further arms that follow paths of their own."""
-        return ()
-
-    @property
-    def every(self) -> tuple[TimedPath, ...]:
-        """The paths of all end-effectors that follow one: this path."""
-        return (self,)
+    def by_arm(self) -> dict[str, TimedPath]:
+        """The paths of all end-effectors by the name of the arm, the first without a name."""
+        return {"": self}
 
     @property
     def moves(self) -> bool:
         """Whether an end-effector moves relative to the centre of mass, or rotates."""
-        return self.drifts or any(path.path.moves for path in self.every)
+        return self.drifts or any(path.path.moves for path in self.by_arm.values())
 
     def stretched(self, factor: float) -> TimedPath:
         """The same path at another speed, its duration multiplied by a factor."""
@@ -124,7 +119,7 @@ class TimedPath:
 
     def poses(self, t: float | Array) -> tuple[Pose, ...]:
         """Those of all end-effectors that follow a path."""
-        return tuple(path.pose(t) for path in self.every)
+        return tuple(path.pose(t) for path in self.by_arm.values())
 
     def pose_at(self, s: float | Array) -> Pose:
         """The pose at a value of s; :meth:`pose` is more accurate near rests."""
@@ -132,6 +127,10 @@ class TimedPath:
         if not self.drifts:
             return pose
         return Pose(pose.position + self.origin(self.timing.time_at(s)), pose.rotation)
+
+    def poses_at(self, s: float | Array) -> dict[str, Pose]:
+        """The poses of all end-effectors at a value of s, as in :attr:`by_arm`."""
+        return {arm: path.pose_at(s) for arm, path in self.by_arm.items()}
 
     @cached_property
     def breaks(self) -> Array:

@@ -47,7 +47,7 @@ class MarginMap:
 
     def __post_init__(self) -> None:
         count = self.results.joints.shape[2]
-        if count != self.problem.model.arm_dof:
+        if count != self.problem.dof:
             raise InputError("results", f"they have {count} joints", "those of the robot")
 
     @property

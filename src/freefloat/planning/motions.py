@@ -115,7 +115,7 @@ def simulated_branch(start: ArmBranch, motion: Motion) -> SimulatedBranch:
     """An arm branch with its motion, and that motion's closest approach to a singularity."""
     motion, problem = unwrapped(motion), motion.problem
     approach = closest_approach(motion, problem.margin.measure)
-    joints = motion.initial.joints[: problem.model.arm_dof]
+    joints = problem.solved_joints(motion.initial.joints)
     return SimulatedBranch(replace(start, joints=joints), motion, approach)
 
 

@@ -141,7 +141,7 @@ def out_of_reach(problem: Problem) -> float | None:
     """
 
     def excess(s: float) -> float:
-        t = problem.path.timing.time_at(s) if problem.arms else 0.0
+        t = problem.path.timing.time_at(s) if problem.robot_varies else 0.0
         return float(np.linalg.norm(problem.path.pose_at(s).position)) - problem.reach(t)
 
     samples = np.linspace(0.0, 1.0, _PATH_POINTS).tolist()
@@ -198,7 +198,7 @@ def unreachable(problem: Problem, attitude: Array) -> UnreachableError:
         return UnreachableError("path", message, "a path that begins within the reach")
     starts = [np.round(pose.position, 6).tolist() for pose in problem.path.poses(0.0)]
     ends = "end-effector at the start of the path"
-    if problem.path.arms:
+    if len(starts) > 1:
         ends = "end-effectors at the starts of their paths"
     message = (
         f"from {np.round(attitude, 6).tolist()} no arm configuration puts the {ends}, "

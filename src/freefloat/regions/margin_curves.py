@@ -176,6 +176,11 @@ def margin_curves(problem: Problem, *levels: float) -> tuple[MarginCurve, ...]:
     return level_curves(arm, *levels)
 
 
+def has_regions(setting: Setting) -> bool:
+    """Whether a robot has regions: where further arms move, its reach depends on these."""
+    return setting.model.has_one_arm
+
+
 def reduced_arm(setting: Setting) -> tuple[PlanarArm, str]:
     """The planar arm on whose two joint angles S depends, and the name of the measure S.
 
@@ -184,7 +189,7 @@ def reduced_arm(setting: Setting) -> tuple[PlanarArm, str]:
     """
     if has_two_angle_form(setting.model, setting.task):
         return PlanarArm.of(setting.model), "system"
-    if setting.task is Task.POSE and setting.model.has_one_arm:
+    if setting.task is Task.POSE and has_regions(setting):
         return elbow_arm(setting.model), "arm"
     raise InputError(
         "robot", "S depends on more than two joint angles",

@@ -133,7 +133,7 @@ class PlanarArm:
 
 def has_two_angle_form(model: FreeFloatingModel, task: Task) -> bool:
     """Whether S of a planar problem depends on the first two joint angles alone."""
-    return model.has_one_arm and closed_form(model, task) is ClosedForm.PLANAR_ELBOW
+    return closed_form(model, task) is ClosedForm.PLANAR_ELBOW
 
 
 def two_angles(arm: PlanarArm, joints: npt.ArrayLike) -> Array:

@@ -100,7 +100,7 @@ def workspace_regions(problem: Problem) -> Workspace:
                [1.436, 2.287]])
     """
     require_problem(problem)
-    problem.model.require_one_arm("reach and regions")
+    problem.model.require_supported("reach and regions")
     workspace = regions_of(problem)
     return replace(workspace, path=_path_areas(problem, workspace))
 
@@ -122,8 +122,6 @@ def exact_workspace(setting: Setting) -> Workspace | None:
     Returns:
         None for other arms, and where further arms move.
     """
-    if not setting.model.has_one_arm:
-        return None
     try:
         arm, name = reduced_arm(setting)
     except InputError:
@@ -135,10 +133,8 @@ def exact_workspace(setting: Setting) -> Workspace | None:
     elif setting.task is Task.POSE:
         point, offset = "virtual wrist centre", wrist_in_tool(virtual)
     curves = level_curves(arm, 0.0)
-    area_a, area_b = (
-        merged([curve.covered for curve in curves if curve.first is first])
-        for first in (True, False)
-    )
+    covered = [[curve.covered for curve in curves if curve.first is kind] for kind in (True, False)]
+    area_a, area_b = map(merged, covered)
     dependent = merged([*area_a, *area_b])
     measure = singularity_measure(setting.model, setting.task, name)
     extremes = joint_space_extremes(setting.model, measure)

@@ -185,11 +185,17 @@ class FreeFloatingModel(RigidBodyModel):
         """Whether no further arm moves."""
         return not (self.arms or self.path_arms)
 
-    def require_one_arm(self, what: str) -> None:
+    @property
+    def further_motions(self) -> dict[str, str]:
+        """What each further arm does, by its name: "moves along a joint curve", or the like."""
+        along_curves = dict.fromkeys(self.arms, "moves along a joint curve")
+        return along_curves | dict.fromkeys(self.path_arms, "follows a path of its own")
+
+    def require_supported(self, what: str) -> None:
         """Raise an InputError if further arms move, naming what considers one arm only."""
-        if not self.has_one_arm:
-            moves = "moves along a joint curve" if self.arms else "follows a path of its own"
-            arms = ", ".join(self.arms or self.path_arms)
+        if motions := self.further_motions:
+            moves = next(iter(motions.values()))
+            arms = ", ".join(name for name, motion in motions.items() if motion == moves)
             problem = f"{arms} {moves}; {what} need one moving arm"
             raise InputError("robot.arms", problem, "the law held for the other arms")
 

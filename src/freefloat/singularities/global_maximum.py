@@ -94,7 +94,7 @@ def halved(centres: Array, halves: Array, parts: Array) -> tuple[Array, Array]:
 
 def largest_magnitude(model: FreeFloatingModel, task: Task, measure: SingularityMeasure) -> float:
     """Largest magnitude of a measure, guaranteed for det A unless the arm is redundant."""
-    if measure.name == "system" and model.has_one_arm and model.dof == len(task.rows):
+    if measure.name == "system" and model.dof == len(task.rows):
         return guaranteed_magnitude(model, task, measure.name).value
     return largest_measure(model, measure)
 

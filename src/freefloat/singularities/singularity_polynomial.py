@@ -76,7 +76,7 @@ class SingularityPolynomial(JointPolynomial):
                 represented.
         """
         task = require_task(model, task)
-        model.require_one_arm("polynomials of the joints")
+        model.require_supported("polynomials of the joints")
         values = dict(_fixed_joint(model, *pair) for pair in (fixed or {}).items())
         _require_freedom(model, task, values)
         found = fitted(lambda q: determinants(model, q, task), model, values)

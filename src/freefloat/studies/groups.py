@@ -199,7 +199,7 @@ def _group(study: Study, number: int, reasons: list[str]) -> Group | None:
     if apart:
         return None
     start, attitude, joints = study.arm_start, None, None
-    if start.joints is not None and study.start_problem.model.arm_dof != problem.model.arm_dof:
+    if start.joints is not None and study.start_problem.dof != problem.dof:
         reasons.append("the unvaried robot has another number of joints")
         return None
     if not any(key in parameters for key in START_KEYS):

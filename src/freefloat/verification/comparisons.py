@@ -126,10 +126,10 @@ def span_check(motion: Motion) -> Check:
 
 def arms_check(motion: Motion) -> Iterator[Check]:
     """Check that further arms move along their curves."""
-    if not motion.setting.arms:
+    if not motion.setting.robot_varies:
         return
-    n, curves = motion.model.arm_dof, motion.setting.arms
-    error = np.abs(motion.joints[:, n:] - curves.at(motion.times)).max(axis=1)
+    joints = motion.setting.joints_at(motion.times, motion.joints)
+    error = np.abs(motion.joints - joints).max(axis=1)
     worst = int(error.argmax())
     yield error_check("further arms", float(error[worst]), _ON_CURVE, "rad or m",
                       float(motion.times[worst]))  # fmt: skip

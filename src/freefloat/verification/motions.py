@@ -56,7 +56,7 @@ def _known_start(simulated: SimulatedBranch) -> Known | ArmBranch:
     """The arm branch at the start; its number and label are not known of starts that were given."""
     motion = simulated.motion
     problem, start = motion.problem, motion.initial
-    joints = start.joints[: problem.model.arm_dof]
+    joints = problem.solved_joints(start.joints)
     if not problem.redundant:
         return branch_at(problem, start.attitude, joints)
     chosen_by_joints = simulated.branch.label in (GIVEN, CLOSEST)

@@ -29,8 +29,7 @@ def kinematic_urdf(model: FreeFloatingModel) -> str:
             joint.remove(content)
         if joint.get("name") not in model.joint_names:
             _fix(joint, held_value(model.description, joint.get("name", ""), model.fixed_joints))
-    if not model.has_one_arm:
-        _order(robot, model)
+    _order(robot, model)
     return ET.tostring(robot, encoding="unicode")
 
 

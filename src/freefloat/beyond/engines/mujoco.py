@@ -139,7 +139,7 @@ def _differentiated(motion: Motion, t: float, window: float) -> tuple[Array, Arr
 def _off_path(motion: Motion, engine: MuJoCoModel, t: float) -> float:
     """Largest distance of MuJoCo's end-effectors from their paths [m]."""
     rows = [row for row in motion.setting.task.rows if row < 3]
-    places = [path.path.curve(path.timing.s(t)) for path in motion.problem.path.every]
+    places = [path.path.curve(path.timing.s(t)) for path in motion.problem.path.by_arm.values()]
     offsets = engine.end_effector_positions() - np.array(places)
     if motion.setting.has_headings:
         offsets = motion.setting.plane.seen(offsets)

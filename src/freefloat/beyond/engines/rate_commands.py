@@ -24,7 +24,7 @@ class RateCommands:
 
     def __init__(self, problem: Problem) -> None:
         """Convert a problem to the arrays that the kernels read."""
-        problem.model.require_one_arm("rates of measured states")
+        problem.model.require_supported("rates of measured states")
         n = problem.model.dof
         self._arrays = kernel_problem(problem)
         self._axes = KernelAxes.of(problem.model, problem.task)

@@ -240,7 +240,7 @@ def _whole_motion(result: Plan | Simulation) -> Motion:
     require_type("result", result, Plan | Simulation, "a Plan or a Simulation")
     if result.chosen is None or not result.chosen.motion.completed:
         raise InputError("result", "it has no motion along the whole path", "a feasible plan")
-    result.chosen.motion.model.require_one_arm("tracked motions")
+    result.chosen.motion.model.require_supported("tracked motions")
     return result.chosen.motion
 
 

@@ -101,7 +101,7 @@ def distance_to_singularity(
         0.598 0.599 [0.432 0.116]
     """
     task = require_task(model, task)
-    model.require_one_arm("distances to singularities")
+    model.require_supported("distances to singularities")
     q = model.joint_vector(joints)
     R = rotation_matrix(unit_quaternion("attitude", attitude))
     if model.dof > len(task.rows):

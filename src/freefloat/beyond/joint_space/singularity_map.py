@@ -201,7 +201,7 @@ def singularity_map(
         True
     """
     task = require_task(model, task)
-    model.require_one_arm("maps of the joint space")
+    model.require_supported("maps of the joint space")
     values = dict(fixed or {})
     if model.dof > len(task.rows) and model.dof - len(values) > _MOST_JOINTS:
         problem = f"its arm is redundant and {model.dof - len(values)} joints have no fixed value"

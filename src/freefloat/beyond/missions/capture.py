@@ -154,7 +154,7 @@ def capture(
     """
     require_type("system", system, System, "System(model, momentum)")
     require_type("client", client, Client, "Client(mass, inertia, grapple)")
-    system.model.require_one_arm("captures")
+    system.model.require_supported("captures")
     model, h, v = system.model, system.momentum, system.drift
     a = system.attitude(attitude)
     q, rates = model.joint_vector(joints), model.joint_vector(joint_rates, "joint_rates")

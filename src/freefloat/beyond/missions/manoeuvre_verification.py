@@ -237,9 +237,10 @@ class _JoinState:
 def _state(phase: PhaseResult, motion: Motion, state: State) -> _JoinState:
     """A state of a motion with its rates."""
     where, drift = (state.attitude, state.joints), motion.setting.drift
-    rates, arm = motion.law.rates(state.time, *where), slice(motion.model.arm_dof)
+    rates = motion.law.rates(state.time, *where)
     base = phase.centre + state.time * drift + state.base_position
-    return _JoinState(state.attitude, state.joints[arm], base, rates.joints[arm], rates.base)
+    joints, joint_rates = map(motion.setting.solved_joints, (state.joints, rates.joints))
+    return _JoinState(state.attitude, joints, base, joint_rates, rates.base)
 
 
 def _joint_checks(

@@ -82,7 +82,7 @@ class PosedManoeuvre:
         problem, folder = scenario.problem(), scenario.source.parent
         keys, phases = list[str](), list[Phase]()
         with scenario.error_context():
-            resting = problem.with_arms_resting(problem.path.duration)
+            resting = problem.at_rest(problem.path.duration)
             posed = resting, folder, scenario.samples, content.search.seed
             for number, section in enumerate(content.phases):
                 keys.append(f"phases.{number}.capture" if section.capture else f"phases.{number}")

@@ -8,9 +8,7 @@ from typing import Any
 import numpy as np
 
 from freefloat.dynamics.tasks import Task
-from freefloat.io.scenario.arms_section import paths_of_arms
 from freefloat.io.scenario.path_schema import PathSection
-from freefloat.io.scenario.path_section import frame_of
 from freefloat.io.scenario.scenario import Scenario
 from freefloat.motion.problem import Problem
 from freefloat.paths.curves import SplineCurve
@@ -37,10 +35,10 @@ def outline(scenario: Scenario, problem: Problem, largest: float) -> dict[str, A
         largest: Largest magnitude of the measure over the joint space.
     """
     content, margin = scenario.content, problem.margin
-    sections = {"": content.path, **paths_of_arms(content.robot.arms)}
-    frames = {arm: _frame(scenario, problem, arm, part) for arm, part in sections.items()}
+    sections = {"": content.path, **content.robot.own_paths}
+    frames = {arm: scenario.frame(part, arm, problem.scene) for arm, part in sections.items()}
     paths, handles = [], []
-    for arm, path in zip(("", *problem.path.arms), problem.path.every, strict=True):
+    for arm, path in problem.path.by_arm.items():
         part, own = _handles(problem.task, arm, path, sections[arm], frames[arm])
         paths.append(part)
         handles += own
@@ -52,7 +50,7 @@ def outline(scenario: Scenario, problem: Problem, largest: float) -> dict[str, A
         "size": thickness(problem),
         "lines": [
             _positions(path, np.linspace(0.0, 1.0, _DRAWN)).round(6).tolist()
-            for path in problem.path.every
+            for path in problem.path.by_arm.values()
         ],
         "paths": paths,
         "handles": handles,
@@ -68,15 +66,6 @@ def outline(scenario: Scenario, problem: Problem, largest: float) -> dict[str, A
             "is_fraction": fraction is not None,
         },
     }
-
-
-def _frame(
-    scenario: Scenario, problem: Problem, arm: str, section: PathSection
-) -> Pose | SceneBody | None:
-    """The frame of the path of an arm."""
-    model, now = problem.model, problem.arms.at(0.0).tolist()
-    joint = model.joint_names.index(model.joints_of_arm(arm)[0]) if arm else 0
-    return frame_of(section.frame, model, scenario.search(), problem.scene, now, joint)
 
 
 def _positions(path: TimedPath, parameters: Array) -> Array:

@@ -19,7 +19,6 @@ import numpy as np
 from freefloat.errors import InputError, require_type
 from freefloat.io.files import require_result_name
 from freefloat.io.hdf5 import AlteredFileError, read_hdf5, write_hdf5
-from freefloat.io.scenario.arms_section import paths_of_arms
 from freefloat.io.scenario.scenario import Scenario, parse_scenario
 from freefloat.io.scenario.scene_section import parse_shapes, shapes_text
 from freefloat.kinds import RESULT_KINDS, ResultKind, kind_of, named
@@ -214,9 +213,8 @@ def _read_scenario(tree: Tree, model: FreeFloatingModel) -> Scenario:
     samples = {str(name): str(text) for name, text in json.loads(_text(tree, "samples")).items()}
     scenario = parse_scenario(_text(tree, "scenario"), source, samples, model, shapes)
     robot = scenario.content.robot
-    arms_of_paths = [*paths_of_arms(robot.arms)]
-    stated = robot.path_link, robot.held, robot.moving_arms, arms_of_paths, robot.gravity
-    held, arms = dict(model.fixed_joints), {**model.arms, **model.path_arms}
+    stated = robot.path_link, robot.held, robot.moving_arms, [*robot.own_paths], robot.gravity
+    held, arms = dict(model.fixed_joints), model.further_arms
     own = model.end_effector, held, arms, [*model.path_arms], model.gravity
     if robot.base not in (None, model.base) or stated != own:
         raise ValueError("its robot is not that of its scenario")

@@ -15,6 +15,7 @@ from freefloat.io.scenario.field_types import Name, Number, Section
 from freefloat.io.scenario.path_schema import PathSection
 from freefloat.io.scenario.yaml import error_context, file_keys
 from freefloat.motion.joint_curves import ArmCurve, ArmCurves
+from freefloat.motion.problem import Problem
 from freefloat.records import Tree
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array
@@ -74,11 +75,6 @@ class ArmSection(Section):
     follows the scenario's path has no law."""
 
 
-def paths_of_arms(arms: Mapping[str, ArmSection]) -> dict[str, PathSection]:
-    """The paths of further arms that follow one of their own, by name."""
-    return {name: arm.law.path for name, arm in arms.items() if isinstance(arm.law, OwnPathLaw)}
-
-
 def curves_of(
     arms: Mapping[str, ArmSection], model: FreeFloatingModel, scenario: Path, duration: float
 ) -> ArmCurves:
@@ -97,16 +93,13 @@ def curves_of(
     return ArmCurves(curves)
 
 
-def arms_content(
-    model: FreeFloatingModel, curves: ArmCurves, paths: Mapping[str, dict[str, Any]]
-) -> dict[str, Any]:
+def arms_content(problem: Problem, paths: Mapping[str, dict[str, Any]]) -> dict[str, Any]:
     """The content of the key for arms that move, those on paths with the content of these."""
     laws: dict[str, dict[str, Any]] = {name: {"path": path} for name, path in paths.items()}
-    for name, curve in curves.curves.items():
+    for name, curve in problem.arms.curves.items():
         laws[name] = {"joints": curve.waypoints.tolist(), "times": curve.times.tolist()}
-    return {
-        name: {"end_effector": model.further_arms[name], "law": law} for name, law in laws.items()
-    }
+    links = problem.model.further_arms
+    return {name: {"end_effector": links[name], "law": law} for name, law in laws.items()}
 
 
 def _saved_curve(path: Path, key: str, joints: tuple[str, ...]) -> ArmCurve:

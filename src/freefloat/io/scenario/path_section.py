@@ -33,6 +33,7 @@ from freefloat.paths.orientation import (
     SlerpOrientation,
 )
 from freefloat.paths.path import EndEffectorPath
+from freefloat.paths.path_stack import path_key
 from freefloat.paths.samples import parse_samples
 from freefloat.paths.timed_path import TimedPath
 from freefloat.planning.settings import Search
@@ -88,7 +89,7 @@ def frame_of(
     if search.joints is None:
         problem = f"{kind} needs search.joints, which is missing"
         raise InputError("path.frame", problem, "inertial, or the present joints in search.joints")
-    joints = model.joint_vector(search.joints, "search.joints")[: model.arm_dof]
+    joints = model.joint_vector(search.joints, "search.joints")[: model.dof - len(further)]
     joints, attitude = np.concatenate([joints, further]), search.from_attitude
     attitude = UPRIGHT if attitude is None else attitude
     if isinstance(kind, FrameName):
@@ -181,12 +182,12 @@ def sections_of_arms(path: TimedPath) -> dict[str, dict[str, Any]]:
         InputError: As for :func:`section_of`, or if a path is one of samples.
     """
     contents = {}
-    for name, own in zip(path.arms, path.every[1:], strict=True):
+    for name, own in [*path.by_arm.items()][1:]:
         curve, law = own.stated[0].curve, own.stated[0].orientation
-        if isinstance(curve, SplineCurve):
-            chords = SplineCurve(curve.points).knots
-            if not np.allclose(curve.knots, chords, rtol=0.0, atol=_SAME_KNOT):
-                raise inexpressible(f"robot.arms.{name}.law.path.curve", curve)
+        if isinstance(curve, SplineCurve) and not np.allclose(
+            curve.knots, SplineCurve(curve.points).knots, rtol=0.0, atol=_SAME_KNOT
+        ):
+            raise inexpressible(f"{path_key(name)}.curve", curve)
         contents[name] = curve_content(curve) | _attitude_section(law)
         if own.frame is not None:
             contents[name]["frame"] = own.frame

@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import Field
 
 from freefloat.errors import InputError
-from freefloat.io.scenario.arms_section import ArmSection, paths_of_arms
+from freefloat.io.scenario.arms_section import ArmSection, OwnPathLaw
 from freefloat.io.scenario.field_types import (
     ArgumentValue,
     Factor,
@@ -25,6 +25,7 @@ from freefloat.io.scenario.field_types import (
     Size,
     Vector,
 )
+from freefloat.io.scenario.path_schema import PathSection
 from freefloat.io.scenario.yaml import error_context, file_keys
 from freefloat.robot.base import Base
 from freefloat.robot.bundled import find_robot
@@ -156,6 +157,11 @@ class RobotSection(Section):
         arms = self.arms.items()
         return {name: arm.end_effector for name, arm in arms if arm.law not in (None, "held")}
 
+    @property
+    def own_paths(self) -> dict[str, PathSection]:
+        """The paths of further arms that follow one of their own, by name."""
+        return {k: arm.law.path for k, arm in self.arms.items() if isinstance(arm.law, OwnPathLaw)}
+
     def source(self, scenario: Path) -> RobotSource:
         """The file of the robot, before anything is assembled with it.
 
@@ -201,7 +207,7 @@ class RobotSection(Section):
                 attached=self.parts(scenario),
                 base=self.base,
                 gravity=self.gravity,
-            ).with_paths(*paths_of_arms(self.arms))
+            ).with_paths(*self.own_paths)
             moving = {self.path_link, *self.moving_arms.values()}
             links = {name: arm.end_effector for name, arm in self.arms.items()}
             held = {name: link for name, link in links.items() if link not in moving}

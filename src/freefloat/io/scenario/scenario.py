@@ -17,7 +17,7 @@ from freefloat.dynamics.measures import singularity_measure
 from freefloat.dynamics.redundancy import Redundancy
 from freefloat.dynamics.system import System
 from freefloat.errors import InputError
-from freefloat.io.scenario.arms_section import curves_of, paths_of_arms
+from freefloat.io.scenario.arms_section import curves_of
 from freefloat.io.scenario.limits_section import limits_of
 from freefloat.io.scenario.path_schema import PathSection
 from freefloat.io.scenario.path_section import frame_of, path_of
@@ -28,9 +28,10 @@ from freefloat.io.scenario.schema import OF_PATHS, ScenarioFile
 from freefloat.io.scenario.yaml import error_context, file_keys, parse_yaml, read_text, validated
 from freefloat.kinds import SECTIONS, named
 from freefloat.limits.limits import Limits
+from freefloat.motion.joint_curves import ArmCurves
 from freefloat.motion.margin import Margin
 from freefloat.motion.problem import Problem
-from freefloat.paths.path_stack import PathStack
+from freefloat.paths.path_stack import PathStack, path_key
 from freefloat.paths.relative_path import RelativePath
 from freefloat.paths.timed_path import TimedPath
 from freefloat.paths.timing import Timing
@@ -41,7 +42,7 @@ from freefloat.robot.source import RobotSource
 from freefloat.scene.scene import Scene
 from freefloat.scene.scene_body import SceneBody
 from freefloat.singularities.global_maximum import largest_magnitude
-from freefloat.so3 import Array, Pose
+from freefloat.so3 import Pose
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,24 +88,21 @@ class Scenario(PlannedScenario):
 
     @cached_property
     def _problem(self) -> Problem:
-        content, model = self.content, self.model()
-        arms = curves_of(content.robot.arms, model, self.source, content.timing.duration)
+        content, model, arms = self.content, self.model(), self._curves
         with self.error_context():
             if content.goal is not None:
                 problem = "the scenario has a goal in place of a path"
                 raise InputError("goal", problem, "path, timing and task; plan finds the motion")
             timing = content.timing.to_timing()
-        now, limits, scene = arms.at(0.0), self.limits(), self.scene()
-        timed = self._timed_path(content.path, "path", timing, scene, now, 0)
+        limits, scene = self.limits(), self.scene()
+        timed = self._path(content.path, "", timing, scene)
         further = {}
-        for name, section in paths_of_arms(content.robot.arms).items():
-            key = f"robot.arms.{name}.law.path"
+        for name, section in content.robot.own_paths.items():
             with self.error_context():
                 if section.samples is not None:
-                    problem = "a file was given for the path of a further arm"
+                    problem, key = "a file was given for the path of a further arm", path_key(name)
                     raise InputError(f"{key}.samples", problem, "waypoints, or another curve")
-            first = model.joint_names.index(model.joints_of_arm(name)[0])
-            further[name] = self._timed_path(section, key, timing, scene, now, first)
+            further[name] = self._path(section, name, timing, scene)
         with self.error_context():
             value = content.margin.value or 0.0
             with file_keys(measure="margin.measure"):
@@ -122,12 +120,22 @@ class Scenario(PlannedScenario):
                 wheel_momentum=np.array(content.wheels.momentum), arms=arms, limits=limits,
             )  # fmt: skip
 
-    def _timed_path(
-        self, section: PathSection, key: str, timing: Timing, scene: Scene, now: Array, joint: int
-    ) -> TimedPath:
-        """The path of a section below a key, for the arm whose first joint has a number."""
+    @cached_property
+    def _curves(self) -> ArmCurves:
+        content = self.content
+        return curves_of(content.robot.arms, self.model(), self.source, content.timing.duration)
+
+    def frame(self, section: PathSection, arm: str, scene: Scene) -> Pose | SceneBody | None:
+        """The frame of a path for the arm with a name, see :func:`.path_section.frame_of`."""
+        model, now = self.model(), self._curves.at(0.0)
+        joint = model.joint_names.index(model.joints_of_arm(arm)[0]) if arm else 0
+        return frame_of(section.frame, model, self.search(), scene, now, joint)
+
+    def _path(self, section: PathSection, arm: str, timing: Timing, scene: Scene) -> TimedPath:
+        """The path of a section, for the arm with a name."""
+        key = path_key(arm)
         with self.error_context(), file_keys(path=key):
-            frame = frame_of(section.frame, self.model(), self.search(), scene, now, joint)
+            frame = self.frame(section, arm, scene)
         with self.error_context(f"{key}."):
             known = frame if isinstance(frame, Pose) else None
             path = path_of(section, self.content.task, self.samples, self.source.parent, known)
@@ -159,7 +167,7 @@ class Scenario(PlannedScenario):
             section = self.content.goal
             if section is None:
                 return None
-            self.model().require_one_arm("motions to a goal")
+            self.model().require_supported("motions to a goal")
             return section.to_goal(self.model())
 
     def search(self) -> Search:

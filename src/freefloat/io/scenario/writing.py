@@ -68,7 +68,7 @@ def scenario_of(
         content["redundancy"] = problem.redundancy.to_dict()
         if problem.redundancy.toward is Toward.NONE:
             content["redundancy"] |= {"gain": None, "bound": None}
-    arms = arms_content(problem.model, problem.arms, sections_of_arms(problem.path))
+    arms = arms_content(problem, sections_of_arms(problem.path))
     content |= sections or {}
     return written_scenario(problem, limits, content, arms, {**points, **(samples or {})})
 

@@ -107,7 +107,7 @@ def _clearance_deficits(
         prescribed, distances = path.pose(t), list[float]()
         poses = pairs.scene.poses(t, path, EndEffectorPoses.on(prescribed))
         for attitude, q in zip(attitudes, joints, strict=True):
-            every_joint = problem.all_joints(q, t)
+            every_joint = problem.joints_at(t, q)
             if pairs.scene.holds:
                 end = problem.model.end_effector_pose(attitude, every_joint)
                 poses = pairs.scene.poses(t, path, EndEffectorPoses(prescribed, end))

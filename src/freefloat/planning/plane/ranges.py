@@ -130,7 +130,7 @@ def _integrated(problem: Problem, motions: list[_Planned]) -> EnsembleResult:
     """Results of some motions."""
     columns = list(zip(*motions, strict=True)) or [()] * 4
     attitudes, joints, starts, ends = (np.array(column, dtype=float) for column in columns)
-    states = attitudes.reshape(-1, 4), joints.reshape(-1, problem.model.arm_dof)
+    states = attitudes.reshape(-1, 4), joints.reshape(-1, problem.dof)
     return _integrator(problem).integrate(*states, starts=starts, ends=ends)
 
 

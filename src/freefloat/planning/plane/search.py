@@ -240,7 +240,8 @@ def _headings(
 
 def _is_searched(problem: Problem) -> bool:
     """Whether branches of one arm are searched for, and not found in closed form."""
-    return not problem.path.arms and closed_form(problem.model_at(), problem.task) is None
+    single = len(problem.path.by_arm) == 1
+    return single and closed_form(problem.model_at(), problem.task) is None
 
 
 def _beside_changes(problem: Problem) -> list[float]:

@@ -81,7 +81,7 @@ def retime(plan: Plan, *, threads: int | None = None, progress: Progress | None 
         (True, 0.5)
     """
     require_type("plan", plan, Plan, "a Plan, such as plan(...) or load(...)")
-    plan.problem.model.require_one_arm("fastest timings")
+    plan.problem.model.require_supported("fastest timings")
     limits, chosen = plan.limits or Limits(), plan.chosen
     if chosen is None or not plan.feasible:
         raise InputError("plan", "it is not feasible", "a feasible plan")

@@ -150,7 +150,7 @@ def boundary_attitude(problem: Problem, point: TouchPoint) -> State | None:
 def require_touch_point_arm(problem: Problem) -> None:
     """Raise an InputError unless the task and arm suit :func:`touch_points`."""
     arm = "six revolute joints, the second and third parallel, the last three intersecting"
-    problem.model.require_one_arm("touch points")
+    problem.model.require_supported("touch points")
     if problem.task is not Task.POSE:
         accepted = f"pose, with {arm}; the plan of a planar task has its touch points"
         raise InputError("task", f"{problem.task} has no touch points in space", accepted)

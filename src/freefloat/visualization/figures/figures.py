@@ -28,6 +28,7 @@ from freefloat.planning.simulation import Simulation, simulate
 from freefloat.planning.space.attitude_map import AttitudeMap
 from freefloat.planning.space.mapping import sample_headings
 from freefloat.planning.touching.touch_point import motion_through
+from freefloat.regions.margin_curves import has_regions
 from freefloat.regions.planar_regions import has_two_angle_form
 from freefloat.regions.workspace import regions_of, workspace_regions
 from freefloat.visualization.figure_style import Drawings, Figures, styled
@@ -114,8 +115,8 @@ def drawn_motion_figures(motion: Motion, *_: Any) -> Drawings:
 def _snapshots(motion: Motion) -> Drawings:
     """The robot over its reach and areas, which change where further arms move."""
     setting = motion.setting
-    one_arm = setting.model.has_one_arm
-    return {"snapshots": lambda: snapshots_figure(motion, _regions(setting) if one_arm else None)}
+    shown = has_regions(setting)
+    return {"snapshots": lambda: snapshots_figure(motion, _regions(setting) if shown else None)}
 
 
 def simulation_figures(simulation: Simulation, *_: Any) -> Drawings:
@@ -160,7 +161,7 @@ def plan_figures(plan: Plan, threads: int | None, progress: Progress | None) -> 
     """The figures of a plan."""
     problem, chosen = plan.problem, plan.chosen
     drawings: Drawings = {}
-    if problem.model.has_one_arm:
+    if has_regions(problem):
         drawings["workspace"] = lambda: workspace_figure(problem, _workspace(problem))
     marks = []
     if chosen is not None:

@@ -38,8 +38,7 @@ def workspace_figure(problem: Problem, workspace: Workspace) -> Figure:
         figure = style.new_figure(style.COLUMN, style.COLUMN)
         axes = figure.subplots()
         draw_areas(axes, workspace)
-        paths = [path.pose_at(_S) for path in problem.path.every]
-        draw_path(axes, paths, problem.plane, workspace)
+        draw_path(axes, [problem.path.pose_at(_S)], problem.plane, workspace)
         points = _sampled_path(problem.path, workspace.offset)
         _draw_crossings(axes, workspace, problem.plane.seen(points)[:, :2])
         style.legend_above(axes, columns=3)

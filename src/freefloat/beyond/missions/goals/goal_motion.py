@@ -150,7 +150,7 @@ def goal_setting(system: System, attitude: Array, goal: Goal, scene: Scene) -> J
         InputError: If momentum, attitude or scene do not suit the robot, or system or bodies would
             rotate too often.
     """
-    system.model.require_one_arm("motions to a goal")
+    system.model.require_supported("motions to a goal")
     setting, duration = JointSetting.of(system, scene), goal.duration or FIRST_DURATION
     scene.require_applicable(system.model, duration)
     if setting.task.planar:

@@ -122,7 +122,7 @@ class Query:
     def require_sense(self) -> None:
         """Raise an InputError for a goal that robot, state and limits do not suit."""
         model, goal, limits = self.setting.model, self.goal, self.limits
-        model.require_one_arm("motions to a goal")
+        model.require_supported("motions to a goal")
         goal.require_applicable(self.setting)
         if goal.duration is None and not limits.timed:
             timed = ", ".join(kind.name for kind in GIVEN if kind.exponent)

@@ -120,17 +120,16 @@ def with_resting_arms(motions: Sequence[Motion | None]) -> list[Motion | None]:
         motions: Motions of one manoeuvre; None of phases without motion.
     """
     settings = [motion.setting for motion in motions if motion is not None]
-    robot = next((setting.model for setting in settings if setting.arms), None)
+    robot = next((setting.model for setting in settings if setting.robot_varies), None)
     if robot is None:
         return list(motions)
-    return [
-        motion if motion is None or motion.setting.arms else _with_resting_arms(motion, robot)
-        for motion in motions
-    ]
+    return [motion and _with_resting_arms(motion, robot) for motion in motions]
 
 
 def _with_resting_arms(motion: Motion, robot: FreeFloatingModel) -> Motion:
     """A motion with the joints that further arms of a robot move, and its own model fixes."""
+    if motion.setting.robot_varies:
+        return motion
     fixed = dict(motion.model.fixed_joints)
     resting = {
         name: np.array([fixed.pop(joint) for joint in robot.joints_of_arm(name)])

@@ -75,7 +75,7 @@ def plan_manoeuvre(
     following = checked_phases(problem, phases)
     present = None
     if reorient:
-        present = _present_joints(problem.with_arms_resting(0.0), search)
+        present = _present_joints(problem.at_rest(0.0), search)
     share = 0.5 if reorient else 0.9
     step = step_of(progress, 0.0, share)
     first = plan(problem, search, limits, threads=threads, progress=step)

@@ -57,14 +57,10 @@ class SystemState:
     def at_start(cls, motion: Motion) -> SystemState:
         """The state at the beginning of a motion along the first path."""
         problem, start = motion.problem, motion.initial
-        rates, arm = (
-            motion.law.rates(0.0, start.attitude, start.joints),
-            slice(problem.model.arm_dof),
-        )
-        return cls(
-            _resting(problem, 0.0), 0.0, start.attitude, start.joints[arm], rates.joints[arm],
-            np.zeros(3),
-        )  # fmt: skip
+        rates = motion.law.rates(0.0, start.attitude, start.joints)
+        joints, joint_rates = map(problem.solved_joints, (start.joints, rates.joints))
+        still = _resting(problem, 0.0)
+        return cls(still, 0.0, start.attitude, joints, joint_rates, np.zeros(3))
 
     @property
     def pose(self) -> Pose:
@@ -81,13 +77,14 @@ class SystemState:
 
     def after(self, motion: Motion) -> SystemState:
         """The state at the end of a motion that begins with this one."""
-        law, final = motion.law, motion.final
-        duration, arm = law.timing.duration, slice(motion.model.arm_dof)
+        law, final, solved = motion.law, motion.final, motion.setting.solved_joints
+        duration = law.timing.duration
         rates = law.rates(duration, final.attitude, final.joints)
-        problem = _resting(motion.problem, duration) if motion.setting.arms else self.problem
+        varies = motion.setting.robot_varies
+        problem = _resting(motion.problem, duration) if varies else self.problem
         return replace(
             self, problem=problem, time=self.time + duration, attitude=final.attitude,
-            joints=final.joints[arm], joint_rates=rates.joints[arm],
+            joints=solved(final.joints), joint_rates=solved(rates.joints),
             centre=self.centre + duration * self.problem.drift,
         )  # fmt: skip
 
@@ -125,7 +122,7 @@ class SystemState:
 
 def _resting(problem: Problem, t: float) -> Problem:
     """A problem without its start, arms on joint curves resting as at a time [s]."""
-    return replace(problem.with_arms_resting(t), start_joints=None)
+    return replace(problem.at_rest(t), start_joints=None)
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,8 +151,8 @@ class ExpectedState:
         Raises:
             InputError: If further arms follow paths.
         """
-        problem = problem.with_arms_resting(problem.path.duration)
-        problem.model.require_one_arm("phases")
+        problem = problem.at_rest(problem.path.duration)
+        problem.model.require_supported("phases")
         path = problem.path
         pose, twist = path.path.pose(1.0), path.twist(path.duration) + path.drift_twist
         return cls(problem, problem.scene.bodies, path.duration, pose, twist)
