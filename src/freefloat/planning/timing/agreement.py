@@ -39,8 +39,7 @@ NARROWER = 0.03
 """Fraction by which limits of attitude are narrower where the motion depends on the timing, and
 become narrower with every attitude that violates one at its own timing."""
 _LITTLE, _TRIALS = 1.05, 5
-"""Factor on the duration up to which a timing may be slowed down where it violates rates or
-torques, and how often."""
+"""Largest factor by which a timing is slowed down for rates or torques, and how often."""
 
 
 def agreeing_plan(
