@@ -14,8 +14,9 @@ import numpy as np
 import freefloat as ff
 from benchmarks.result import Result, race
 from freefloat.attitude_grids import attitude_grid
+from freefloat.ensemble.arrays import kernel_problem
 from freefloat.ensemble.ensemble import EnsembleIntegrator
-from freefloat.ensemble.kernels import flow
+from freefloat.ensemble.kernels import flow, records
 from freefloat.lockstep.compilation import compiled
 from freefloat.lockstep.lanes import WIDTH
 from freefloat.lockstep.tables import lanes
@@ -62,10 +63,12 @@ def counted() -> Iterator[list[int]]:
 def operations(problem: ff.Problem) -> int:
     """Floating-point operations of one evaluation of (4) for one motion."""
     with lock_step.plain_kernels(), counted() as count:
-        kernels = lock_step.Kernels(problem)
-        y = kernels.column(np.full((WIDTH, 5 + kernels.robot.n), 0.3))
-        arrays, count[0] = kernels.problem, 0
-        flow.flow(arrays.robot, arrays.course, arrays.null_space, y, kernels.work, 0)
+        arrays = kernel_problem(problem)
+        work = records.workspace_in_tables(records.make_workspace(arrays.robot.n, arrays.robot.m))
+        tables = records.problem_in_tables(arrays, None, work)
+        y = lock_step.Table(np.full((5 + arrays.robot.n, WIDTH), 0.3), 1)
+        count[0] = 0
+        flow.flow(tables.robot, tables.course, tables.null_space, y, work, 0)
         return count[0]
 
 
