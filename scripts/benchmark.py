@@ -32,11 +32,11 @@ BEGIN, END = "<!-- speed: scripts/benchmark.py -->", "<!-- /speed -->"
 GROUPS: dict[str, Callable[[bool], list[Result]]] = {
     "jacobians": jacobian_results,
     "motions": motion_results,
-    "compiled": compiled_results,
     "scaling": scaling_results,
     "batches": batch_results,
     "costs": cost_results,
     "bound": bound_results,
+    "compiled": compiled_results,  # last: the compiler takes more memory than any study
 }
 
 
