@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import resource
+import sys
 import tempfile
 import time
 from collections.abc import Callable
@@ -133,6 +134,16 @@ def vector(row: dict[str, Any], name: str) -> np.ndarray:
     return np.array([value for key, value in row.items() if key.startswith(f"{name}.")])
 
 
+_WITH_PEAK = """
+import pathlib, resource, subprocess, sys
+code = subprocess.run(sys.argv[2:]).returncode
+peak = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss
+pathlib.Path(sys.argv[1]).write_text(str(peak), "utf-8")
+sys.exit(code)
+"""
+"""Notes the memory of a command: a process begins with the peak of the one that starts it."""
+
+
 def processor_time(work: Callable[[], object]) -> tuple[float, float]:
     """Duration and processor time of a function and the processes that it starts [s]."""
 
@@ -151,7 +162,8 @@ def study(case: Case, quick: bool) -> list[Result]:
     picks, runs = (2, 100) if quick else (24, case.runs)
     with tempfile.TemporaryDirectory() as place:
         file, out = write_study(case, _TO_COMPILE, Path(place)), Path(place) / "out"
-        command = run(PROGRAM, "batch", str(file), "-o", str(out), "--quiet")
+        peak, batch = Path(place, "peak"), (PROGRAM, "batch", str(file), "-o", str(out), "--quiet")
+        command = run(sys.executable, "-c", _WITH_PEAK, str(peak), *batch)
         command()
         write_study(case, runs, Path(place))
         loaded = ff.load_study(file)
@@ -174,8 +186,8 @@ def study(case: Case, quick: bool) -> list[Result]:
         for _ in range(1 if quick else 1 + (runs <= _MANY) + (runs <= _FEW)):
             rmtree(out)
             best = np.minimum(best, [*processor_time(command), processor_time(loop)[1]])
+        memory = float(peak.read_text("utf-8")) / 1024.0
     seconds, ours, sample = best.tolist()
-    memory = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024  # the largest so far
     name = f"`freefloat batch` of {case.name}, {runs:,} runs"
     return [
         Result(name, seconds, limit=case.limit,
