@@ -9,8 +9,6 @@ import pytest
 
 from tests.documents import PAGES, ROOT
 
-MEASURED = ROOT / "scripts" / "benchmark.json"
-
 
 @pytest.fixture
 def benchmark(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
@@ -33,7 +31,7 @@ def test_contributing_names_every_package() -> None:
 def test_the_speeds_are_those_measured(benchmark: ModuleType) -> None:
     from benchmarks.result import load
 
-    computer, results = load(MEASURED)
+    computer, results = load(benchmark.MEASURED)
     assert len(benchmark.headlines(results)) == len(benchmark.HEADLINES)
     for page, content in benchmark.tables(computer, results).items():
         assert benchmark.with_table(PAGES[page], content) == PAGES[page]

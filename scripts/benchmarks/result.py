@@ -70,9 +70,9 @@ def computer_name() -> str:
     return f"{cores} core{'s' * (cores > 1)}"
 
 
-def save(results: Sequence[Result], file: Path) -> None:
+def save(computer: str, results: Sequence[Result], file: Path) -> None:
     rows = [{**asdict(result), "ratio": result.ratio, "met": result.met} for result in results]
-    document = {"computer": computer_name(), "results": rows}
+    document = {"computer": computer, "results": rows}
     file.write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
 
 
