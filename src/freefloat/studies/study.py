@@ -245,15 +245,19 @@ class Study:
         if start is not None:
             return start
         try:
-            scenario = self.scenario(UNDISTURBED)
-            start_at = self.initial_attitude(UNDISTURBED) or self._centre
-            attitude = initial_attitude(scenario.problem(), start_at)
-            joints = scenario.simulate(attitude).chosen.branch.joints
-            return StartSection(joints=joints.tolist())
+            scenario, start_at = self.scenario(UNDISTURBED), self.initial_attitude(UNDISTURBED)
+            problem = scenario.problem()
+            attitude = initial_attitude(problem, start_at or self._centre)
+            near = scenario.search().applied_to(problem).closest_start(attitude)
+            if near is None:
+                arm = scenario.simulate(attitude).chosen.branch
+            else:
+                arm = problem.branch_near(attitude, near, problem.branches(attitude))
+            return StartSection(joints=arm.joints.tolist())
         except FreeFloatError as error:
-            problem = f"the unvaried scenario has no motion that would choose it: {error}"
+            reason = f"the unvaried scenario has no motion that would choose it: {error}"
             accepted = "start: {branch: best}, a number of a branch, or start: {joints: [...]}"
-            raise InputError("start", problem, accepted, self.source) from None
+            raise InputError("start", reason, accepted, self.source) from None
 
     @property
     def settled(self) -> StudyFile:
