@@ -9,7 +9,7 @@ _NUMBA = {"NUMBA_OPT": "2", "NUMBA_LOOP_VECTORIZE": "0", "NUMBA_SLP_VECTORIZE": 
 """Less optimization than Numba's default: kernels, which compute with vectors as they are written,
 compile in nine tenths of the time and are as fast. Python leaves this setting to the user."""
 
-_ALLOCATIONS = 100_000
+_ALLOCATIONS = 300_000
 """Allocations between searches for cyclic garbage: imports make many objects and few cycles."""
 
 

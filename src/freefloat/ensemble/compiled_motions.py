@@ -81,16 +81,16 @@ def _panels(rows: Array, n: int) -> Array:
 
 def _interpolated(rows: Array, times: Array, n: int, shift: int = 0) -> Array:
     """Attitudes and joints at times (K,) by Newton's divided differences, shape (K, 4 + n)."""
-    interval = np.clip(np.searchsorted(rows[:, 0], times, "right") - 1, 0, len(rows) - 2)
-    first = np.clip((interval - shift) // 2 * 2 + shift, 0, len(rows) - 3)
-    ends = rows[np.repeat(first[:, None] + np.arange(3), 2, axis=1)]  # each end counts twice
+    windows = np.arange(-shift, len(rows) - 1, 2).clip(0, len(rows) - 3)
+    ends = rows[np.repeat(windows[:, None] + np.arange(3), 2, axis=1)]  # each end counts twice
     t, table, coefficients = ends[..., 0], ends[..., 1 : 5 + n], [ends[:, 0, 1 : 5 + n]]
     for order in range(1, 6):
         spans = (t[:, order:] - t[:, :-order])[..., None]
         slopes = np.diff(table, axis=1) / np.where(spans == 0.0, 1.0, spans)
         table = np.where(spans == 0.0, ends[:, order:, 5 + n :], slopes)
         coefficients.append(table[:, 0])
-    values = coefficients.pop()
+    of = np.clip(np.searchsorted(rows[windows, 0], times, "right") - 1, 0, None)
+    values = coefficients.pop()[of]
     for k, coefficient in reversed(list(enumerate(coefficients))):
-        values = values * (times - t[:, k])[:, None] + coefficient
+        values = values * (times - t[of, k])[:, None] + coefficient[of]
     return values
