@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
+import numpy as np
 
-def link(name: str, mass: float = 0.0, centre: str = "0 0 0", moments: str = "0 0 0") -> str:
-    """A link with principal moments; without mass it has no inertial."""
-    if not mass:
-        return f'<link name="{name}"/>'
-    xx, yy, zz = moments.split()
-    return (
-        f'<link name="{name}"><inertial><origin xyz="{centre}"/><mass value="{mass}"/>'
-        f'<inertia ixx="{xx}" ixy="0" ixz="0" iyy="{yy}" iyz="0" izz="{zz}"/></inertial></link>'
-    )
+from tests.robots import inertial_text, link_text
+
+
+def link(name: str, mass: float, centre: str, moments: list[float]) -> str:
+    """A link with principal moments."""
+    return link_text(name, inertial_text(mass, np.diag(moments), centre))
 
 
 def joint(name: str, parent: str, child: str, at: str, kind: str = "revolute", axis: str = "0 0 1",
@@ -23,7 +21,7 @@ def joint(name: str, parent: str, child: str, at: str, kind: str = "revolute", a
     )
 
 
-def arm(prefix: str, at: str, moments: str, limit: str = "") -> str:
+def arm(prefix: str, at: str, moments: list[float], limit: str = "") -> str:
     """Two links of 1 m and an end-effector on the link ``base``."""
     upper, lower, tip = (f"{prefix}{name}" for name in ("upper", "lower", "tip"))
     return "\n".join(
@@ -33,7 +31,7 @@ def arm(prefix: str, at: str, moments: str, limit: str = "") -> str:
             joint(f"{prefix}J2", upper, lower, "1 0 0", limit=limit),
             link(lower, 8.0, "0.5 0 0", moments),
             joint(f"{prefix}tool", lower, tip, "1 0 0", "fixed"),
-            link(tip),
+            link_text(tip),
         ]
     )
 
@@ -43,28 +41,36 @@ def robot(*parts: str) -> str:
     return '<?xml version="1.0"?>\n<robot name="SC_2DoF">\n' + "\n".join(parts) + "\n</robot>\n"
 
 
-_BUS = link("base", 100.0, "0 0 0", "20 20 20")
-_FLAT = "0 0 0.8"
+_BUS = link("base", 100.0, "0 0 0", [20, 20, 20])
+_SLIM, _FLAT = [0.1, 0.8, 0.8], [0, 0, 0.8]
 ROBOTS = {
-    "no limits": robot(_BUS, arm("", "0.5 0 0", "0.1 0.8 0.8")),
+    "no limits": robot(_BUS, arm("", "0.5 0 0", _SLIM)),
     "a range without effort and velocity": robot(
-        _BUS, arm("", "0.5 0 0", "0.1 0.8 0.8", '<limit lower="-3" upper="3"/>')
+        _BUS, arm("", "0.5 0 0", _SLIM, '<limit lower="-3" upper="3"/>')
     ),
-    "inertias of the plane": robot(
-        link("base", 100.0, "0 0 0", "0 0 20"), arm("", "0.5 0 0", _FLAT)
+    "a massless root, inertias of the plane": robot(
+        link_text("origin"), joint("fixing", "origin", "base", "0 0 0", "fixed"),
+        link("base", 100.0, "0 0 0", [0, 0, 20]), arm("", "0.5 0 0", _FLAT),
     ),
-    "a massless root": robot(
-        link("origin"), joint("fixing", "origin", "base", "0 0 0", "fixed"),
-        link("base", 100.0, "0 0 0", "0 0 20"), arm("", "0.5 0 0", _FLAT),
-    ),
-    "two arms": robot(_BUS, arm("", "0.5 0 0", "0.1 0.8 0.8"),
-                      arm("left_", "-0.5 0 0", "0.1 0.8 0.8")),
+    "two arms": robot(_BUS, arm("", "0.5 0 0", _SLIM), arm("left_", "-0.5 0 0", _SLIM)),
 }  # fmt: skip
 """URDFs with two revolute joints; the second arm of the last is held."""
 
 
+SCENARIO = {
+    "task": "planar-position",
+    "path": {"line": {"from": [1.55, 0.6, 0], "to": [1.35, 0.9, 0]}},
+    "timing": {"duration": 60},
+    "margin": {"measure": "system", "value": 1e-3},
+}
+"""What these robots can do."""
+
+
 def scene(target: str = "") -> str:
-    """A scene of MuJoCo: a chaser with an arm, a target with bodies on it, markers, a floor."""
+    """A scene of MuJoCo with 23 bodies in the world, of which one can be the root.
+
+    A chaser with an arm, a target with bodies on it, markers, a floor.
+    """
     return f"""<mujoco model="orbit"><option gravity="0 0 0"/><worldbody>
   <light pos="0 0 5"/><geom name="floor" type="plane" size="5 5 0.1" pos="0 0 -3"/><site/>
   <body name="chaser"><freejoint/><inertial pos="0 0 0" mass="100" diaginertia="20 20 20"/>
@@ -84,7 +90,3 @@ def scene(target: str = "") -> str:
   </replicate>
 </worldbody></mujoco>
 """
-
-
-SCENE = scene()
-"""A scene with 23 bodies in the world, of which one can be the root."""

@@ -9,6 +9,7 @@ import freefloat as ff
 from freefloat.dynamics.momentum import end_effector_jacobian
 from freefloat.robot.bundled import models_folder
 from tests.errors import error_key
+from tests.motions import from_here
 
 
 @pytest.fixture(scope="module")
@@ -28,19 +29,15 @@ def test_the_generalized_jacobian_is_that_of_a_fixed_base(model):
 
 def test_the_spacecraft_keeps_its_attitude_without_torques(model):
     joints = np.array([0.3, -0.8, 1.1, 0.4, 0.9, -0.2])
-    start = model.end_effector_pose([0.0, 0.0, 0.0, 1.0], joints)
-    curve = ff.paths.PolynomialCurve.line(
-        start.position, start.position + np.array([0.05, -0.1, 0.1])
+    attitude, step = np.array([0.0, 0.0, 0.0, 1.0]), [0.05, -0.1, 0.1]
+    problem = from_here(
+        model, ff.Task.POSE, np.zeros(3), attitude, joints, step, np.zeros(3), ff.Timing(20.0)
     )
-    path = ff.EndEffectorPath(curve, ff.paths.FixedOrientation(start.rotation))
-    margin = ff.Margin(ff.singularity_measure(model, "pose", "gjm"), 0.0)
-    timed = ff.TimedPath(path, ff.Timing(20.0))
-    problem = ff.Problem(model, timed, ff.Task.POSE, np.zeros(3), margin)
     limits = ff.Limits(joint_torque=np.full(6, 1.0))
-    simulation = ff.simulate(problem, [0.0, 0.0, 0.0, 1.0], joints=joints, limits=limits)
+    simulation = ff.simulate(problem, attitude, joints=joints, limits=limits)
     assert simulation.feasible
     motion = simulation.chosen.motion
-    np.testing.assert_allclose(motion.attitudes, [[0.0, 0.0, 0.0, 1.0]] * len(motion.times))
+    np.testing.assert_allclose(motion.attitudes, [attitude] * len(motion.times))
     torque = next(entry for entry in simulation.limit_results if entry.limit == "joint_torque")
     assert torque.worst == 0.0
 

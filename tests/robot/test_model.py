@@ -90,12 +90,8 @@ def test_too_many_moving_joints_are_refused() -> None:
 def test_a_frame_fixed_to_the_spacecraft_is_refused(frame: str) -> None:
     """No joint moves it; the links that joints do move are listed."""
     antenna = a_link("antenna") + joint_text("glue", "F", "bus", "antenna")
-    assert (
-        error_key(
-            ff.FreeFloatingModel.from_urdf, ELBOW.replace("</robot>", antenna + "</robot>"), frame
-        )
-        == "end_effector"
-    )
+    text = ELBOW.replace("</robot>", antenna + "</robot>")
+    assert error_key(ff.FreeFloatingModel.from_urdf, text, frame) == "end_effector"
 
 
 def test_fixed_joints_are_as_if_glued() -> None:
@@ -122,7 +118,6 @@ def test_joints_that_cannot_be_fixed_are_refused(fixed: dict[str, float], key: s
 
 
 def test_joint_vectors_come_by_name_or_in_order(planar_3dof: ff.FreeFloatingModel) -> None:
-    """A map in any order and a sequence in chain order mean the same."""
     by_name = planar_3dof.joint_vector({"q3": 3, "q1": 1.0, "q2": np.float64(2)})
     np.testing.assert_array_equal(by_name, [1, 2, 3])
     np.testing.assert_array_equal(planar_3dof.joint_vector((1, 2, 3)), [1, 2, 3])

@@ -6,7 +6,6 @@ import json
 import re
 from pathlib import Path
 
-import numpy as np
 import pytest
 import yaml
 
@@ -15,13 +14,12 @@ from freefloat.robot.parts import Attachment
 from freefloat.robot.validation import read_urdf
 from tests.broken_robots import VALID
 from tests.commands import document, run
-from tests.robots import inertial_text, joint_text, link_text
+from tests.spart_robots import ROBOTS, SCENARIO
 
 LIMIT = '<limit lower="-2" upper="2" effort="100" velocity="0.1"/>'
 SHAPE = "<visual><geometry>{}</geometry></visual>"
 UNUSED = {
     "damping": ("shoulder", '<dynamics damping="0.5" friction="0"/>', "damping"),
-    "friction": ("shoulder", '<dynamics friction="0.5"/>', "friction"),
     "a soft limit": ("shoulder", '<safety_controller soft_upper_limit="1"/>', "soft_upper_limit"),
     "calibration": ("shoulder", '<calibration rising="0"/>', ""),
     "an unknown element of a joint": ("shoulder", "<hardware/>", ""),
@@ -29,7 +27,6 @@ UNUSED = {
     "a misspelt inertial": ("hand", '<intertial><mass value="3"/></intertial>', ""),
     "an origin of a link": ("hand", '<origin xyz="0 0 1"/>', ""),
     "contact": ("hand", '<contact><stiffness value="1e4"/></contact>', ""),
-    "an unknown geometry": ("hand", SHAPE.format('<cone radius="1"/>'), ""),
     "a second geometry": (
         "hand", SHAPE.format('<sphere radius="1"/><box size="1 1 1"/>'), ""),
     "a collision without geometry": ("hand", "<collision/>", ""),
@@ -38,7 +35,6 @@ UNUSED = {
         "hand", '<visual><origin quat_xyzw="0 0 1 0"/><geometry><sphere radius="1"/></geometry>'
         "</visual>", "quat_xyzw"),
     "a flat box": ("hand", SHAPE.format('<box size="1 0 1"/>'), "size"),
-    "a sphere without radius": ("hand", SHAPE.format("<sphere/>"), "radius"),
     "a misspelt attribute": (
         "hand", '<visual><origin xzy="0 0 1"/><geometry><sphere radius="1"/></geometry></visual>',
         "xzy"),
@@ -139,20 +135,10 @@ def test_parts_of_an_assembly_are_listed_with_it(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_info_lists_and_simulate_counts_them(tmp_path: Path) -> None:
-    inertial = inertial_text(100.0, 10.0 * np.eye(3))
-    arm = [link_text("a", inertial_text(5.0, np.eye(3))), joint_text("q", "R", "bus", "a"),
-           link_text("b", inertial_text(5.0, np.eye(3))), joint_text("r", "R", "a", "b", "1 0 0"),
-           link_text("tip"), joint_text("end", "F", "b", "tip", "1 0 0")]  # fmt: skip
-    text = f"<robot name='r'>{link_text('bus', inertial)}{''.join(arm)}</robot>"
-    damped = text.replace('<axis xyz="0 0 1"/>', '<axis xyz="0 0 1"/><dynamics damping="3"/>')
-    scenario = {
-        "robot": {"urdf": "robot.urdf", "end_effector": "tip"},
-        "task": "planar-position",
-        "path": {"line": {"from": [1.4, 0.5, 0], "to": [1.3, 0.7, 0]}},
-        "timing": {"duration": 60},
-        "margin": {"measure": "gjm", "value": 0.01},
-    }
-    (tmp_path / "s.yaml").write_text(yaml.safe_dump(scenario))
+    text, axis = ROBOTS["no limits"], '<axis xyz="0 0 1"/></joint>\n<link name='
+    damped = text.replace(axis, axis.replace("</joint>", '<dynamics damping="3"/></joint>'))
+    robot = {"urdf": "robot.urdf", "end_effector": "tip"}
+    (tmp_path / "s.yaml").write_text(yaml.safe_dump(SCENARIO | {"robot": robot}))
     for robot, lines in ((text, 0), (damped, 1)):
         (tmp_path / "robot.urdf").write_text(robot)
         shown = run("simulate", tmp_path / "s.yaml", "--heading", 0).stdout
@@ -160,8 +146,8 @@ def test_info_lists_and_simulate_counts_them(tmp_path: Path) -> None:
         printed = document("info", tmp_path / "robot.urdf")["not_read"]
         assert len(printed) == 2 * lines
     assert json.loads(json.dumps(printed[0])) == {
-        "element": "dynamics of joint q", "attribute": "damping", "line": printed[0]["line"],
+        "element": "dynamics of joint J1", "attribute": "damping", "line": printed[0]["line"],
         "meaning": printed[0]["meaning"],
     }  # fmt: skip
     (line,) = re.findall("damping of <dynamics>.*", run("info", tmp_path / "robot.urdf").stdout)
-    assert "joints q, r" in line
+    assert "joints J1, J2" in line

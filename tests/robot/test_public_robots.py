@@ -13,15 +13,7 @@ import yaml
 import freefloat as ff
 from tests.commands import document, error, run
 from tests.errors import error_key
-from tests.spart_robots import ROBOTS, SCENE, scene
-
-HELD = {"two arms": {"left_J1": 0.4, "left_J2": -0.7}}
-SCENARIO = {
-    "task": "planar-position",
-    "path": {"line": {"from": [1.55, 0.6, 0], "to": [1.35, 0.9, 0]}},
-    "timing": {"duration": 60},
-    "margin": {"measure": "system", "fraction": 0.01},
-}
+from tests.spart_robots import ROBOTS, SCENARIO, scene
 
 
 def warned(robot: dict) -> list[str]:
@@ -29,21 +21,16 @@ def warned(robot: dict) -> list[str]:
     return [finding["element"] for finding in robot["findings"]]
 
 
-def plan_and_check(folder: Path, robot: dict) -> None:
-    """Plan with a robot, and check the file with MuJoCo."""
-    (folder / "s.yaml").write_text(yaml.safe_dump(SCENARIO | {"robot": robot}))
-    assert document("plan", folder / "s.yaml", "-o", folder / "p.h5")["feasible"]
-    assert run("check", folder / "p.h5", "--engine", "mujoco").exit_code == 0
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["a massless root", "two arms"])
-def test_robots_of_spart_plan(name: str, tmp_path: Path) -> None:
-    file = tmp_path / "robot.urdf"
-    file.write_text(ROBOTS[name])
-    assert {"joint J1", "joint J2"} <= set(warned(document("info", file, "--end-effector", "tip")))
-    robot = {"urdf": "robot.urdf", "end_effector": "tip", "held": HELD.get(name, {})}
-    plan_and_check(tmp_path, robot)
+def test_a_robot_of_spart_plans_with_its_other_arm_held(tmp_path: Path) -> None:
+    (tmp_path / "robot.urdf").write_text(ROBOTS["two arms"])
+    info = document("info", tmp_path / "robot.urdf", "--end-effector", "tip")
+    assert {"joint J1", "joint J2"} <= set(warned(info))
+    held = {"left_J1": 0.4, "left_J2": -0.7}
+    robot = {"urdf": "robot.urdf", "end_effector": "tip", "held": held}
+    (tmp_path / "s.yaml").write_text(yaml.safe_dump(SCENARIO | {"robot": robot}))
+    assert document("plan", tmp_path / "s.yaml", "-o", tmp_path / "p.h5")["feasible"]
+    assert run("check", tmp_path / "p.h5", "--engine", "mujoco").exit_code == 0
 
 
 def test_joints_without_limits_have_none() -> None:
@@ -71,20 +58,16 @@ def test_prismatic_joints_need_a_range() -> None:
 @pytest.fixture
 def orbit(tmp_path: Path) -> Path:
     file = tmp_path / "scene.xml"
-    file.write_text(SCENE)
+    file.write_text(scene())
     return file
 
 
 @pytest.mark.slow
-def test_the_chaser_of_a_scene_plans(orbit: Path, tmp_path: Path) -> None:
+@pytest.mark.usefixtures("readers_here")
+def test_the_chaser_of_a_scene_is_found_or_named(orbit: Path, tmp_path: Path) -> None:
     info = document("info", orbit)
     assert (info["total_mass"], info["dof"]) == (118.0, 2)
     assert warned(info) == ["robot scene"]
-    plan_and_check(tmp_path, {"urdf": "scene.xml", "end_effector": "tip"})
-
-
-@pytest.mark.slow
-def test_another_root_is_named(orbit: Path, tmp_path: Path) -> None:
     orbit.write_text(scene(target='<body name="panel"><joint/><geom size="1"/></body>'))
     assert error("info", orbit)["key"] == "root"
     assert error("info", orbit, "--root", "chase")["key"] == "root"
@@ -124,6 +107,7 @@ def workspace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     ("$(find arm_description)/urdf/part.xacro", 12.0),
     ("$(find parts)/part.xacro", 13.0),
 ])  # fmt: skip
+@pytest.mark.usefixtures("readers_here")
 def test_included_files_are_found_from_the_file(include: str, mass: float, workspace) -> None:
     file = workspace(f'<xacro:include filename="{include}"/>')
     assert ff.FreeFloatingModel.from_urdf(file).total_mass == mass + 18.0

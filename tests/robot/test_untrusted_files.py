@@ -37,6 +37,9 @@ FILES = {
     "no XML": '<xacro:include filename="/etc/passwd"/>',
     "a device": '<xacro:include filename="/dev/zero"/>',
     "itself": '<xacro:include filename="a.xacro"/>',
+    "an unknown macro": "<xacro:none/>",
+    "a division by zero": '<link name="${1 / 0}"/>',
+    "not closed": "<link>",
 }  # fmt: skip
 
 
@@ -76,10 +79,15 @@ def test_what_robots_need_is_evaluated(tmp_path: Path) -> None:
         """<c a="${d.links.upper.mass * 2}" b="${'-'.join(d.links.upper.names)}" """
         """c="${round(d.turn - math.pi, 9)}" d="${max(1, -2 ** 2) if True else 0}" """
         """e="${sorted([2, 1])[0:1]}" f="$(optenv PATH none)"/>"""
+        """<xacro:macro name="m" params="n g:=2"><d e="${n}" f="${g}"/></xacro:macro>"""
+        """<xacro:if value="${d.turn > 3}"><xacro:m n="i"/></xacro:if>"""
+        """<xacro:unless value="true"><xacro:m n="j"/></xacro:unless>"""
     )
     (tmp_path / "a.xacro").write_text(XACRO.format(content))
     text = read(str(tmp_path / "a.xacro"), {}).text
     assert '<c a="6" b="a-b" c="0.0" d="1" e="[1]" f="none"/>' in text
+    assert '<d e="i" f="2"/>' in text
+    assert 'e="j"' not in text
 
 
 @pytest.mark.parametrize("size", ["${9**9**9**9}", "${'a' * 10**10}"])

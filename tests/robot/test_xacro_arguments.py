@@ -13,7 +13,7 @@ import freefloat as ff
 from freefloat.beyond.formats.xacro import read
 from tests.commands import document, error, run
 from tests.errors import error_key
-from tests.spart_robots import ROBOTS
+from tests.spart_robots import ROBOTS, SCENARIO
 
 pytestmark = pytest.mark.slow
 INCLUDED = (
@@ -74,16 +74,13 @@ def test_written_robots_have_their_arguments(robot: Path, tmp_path: Path) -> Non
     written = tmp_path / "robot.urdf"
     assert run("assemble", robot, "--xacro", "mass=100", "-o", written).exit_code == 0
     assert ff.FreeFloatingModel.from_urdf(written).total_mass == 124.0
-    scenario = {
-        "robot": {"urdf": robot.name, "end_effector": "tip",
-                  "arguments": {"mass": 100.5, "extra": 9, "never": True}},
-        "task": "planar-position",
-        "path": {"line": {"from": [1.55, 0.6, 0], "to": [1.35, 0.9, 0]}},
-        "timing": {"duration": 60},
-        "margin": {"measure": "system", "value": 1e-3},
-    }  # fmt: skip
     file = tmp_path / "s.yaml"
-    file.write_text(yaml.safe_dump(scenario))
+
+    def write(arguments: dict[str, object]) -> None:
+        section = {"urdf": robot.name, "end_effector": "tip", "arguments": arguments}
+        file.write_text(yaml.safe_dump(SCENARIO | {"robot": section}))
+
+    write({"mass": 100.5, "extra": 9, "never": True})
     assert run("plan", file, "-o", tmp_path / "p.h5").exit_code == 0
     assert ff.load(tmp_path / "p.h5").problem.model.total_mass == 127.5
     assert run("check", tmp_path / "p.h5").exit_code == 0
@@ -93,11 +90,9 @@ def test_written_robots_have_their_arguments(robot: Path, tmp_path: Path) -> Non
     loaded = ff.load_study(tmp_path / "study.yaml")
     masses = [loaded.scenario(number).model().total_mass for number in range(2)]
     assert masses == [127.0, 177.0]
-    scenario["robot"]["arguments"] = {"mass": [1, 2]}
-    file.write_text(yaml.safe_dump(scenario))
+    write({"mass": [1, 2]})
     assert error("plan", file)["key"].startswith("robot.arguments.mass")
-    scenario["robot"]["arguments"] = {}
-    file.write_text(yaml.safe_dump(scenario))
+    write({})
     assert error("plan", file)["key"] == "arguments.mass"
 
 
