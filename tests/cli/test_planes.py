@@ -1,10 +1,9 @@
-"""Planar arms about other directions than z, short arms, names of the spacecraft, in commands."""
+"""Planar arms about other directions than z, and frames of paths, in commands."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 import freefloat as ff
@@ -67,9 +66,8 @@ def test_paths_out_of_the_plane_and_other_attitudes_are_refused(scenario: Path) 
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["ur5_servicer/arc", "planar_2dof/line"])
-def test_info_and_workspace_state_one_reach(name: str) -> None:
-    regions, summary = document("workspace", name), document("info", name)
+def test_info_and_workspace_state_one_reach() -> None:
+    regions, summary = (document(word, "planar_2dof/line") for word in ("workspace", "info"))
     assert regions["point"] == "end-effector"
     assert summary["reach"] == pytest.approx(regions["reach"], abs=1e-6)
     assert summary["reach"][1] <= summary["reach_bound"] + 1e-9
@@ -93,21 +91,3 @@ def test_links_of_the_spacecraft_are_frames_of_paths(scenario: Path) -> None:
         refused = error("plan", scenario)
         assert refused["key"] == "path.frame"
         assert "bus" in refused["message"]
-
-
-def test_an_attitude_ephemeris_names_the_spacecraft_and_not_its_arm(tmp_path: Path) -> None:
-    """An arm on a spacecraft; a robot that is one already keeps its name."""
-    arm = CASE.format("0 0 1").replace('name="p"', 'name="ur10"')
-    named = {}
-    for name, spacecraft in (("on", ff.Spacecraft(200.0, 30.0 * np.eye(3))), ("own", None)):
-        model = ff.FreeFloatingModel.from_urdf(arm, "tip", spacecraft=spacecraft)
-        start = model.end_effector_pose([0.0, 0.0, 0.0, 1.0], [0.5, 0.9]).position
-        line = ff.paths.PolynomialCurve.line(start, start + np.array([0.0, 0.05, 0.0]))
-        path = ff.TimedPath(ff.EndEffectorPath(line), ff.Timing(10.0))
-        margin = ff.Margin(ff.singularity_measure(model, "planar-position", "gjm"), 0.0)
-        problem = ff.Problem(model, path, "planar-position", np.zeros(3), margin)
-        file = tmp_path / f"{name}.aem"
-        ff.export(ff.simulate(problem, heading=0.0), file, times=5)
-        rows = dict(row.split(" = ") for row in file.read_text().splitlines() if " = " in row)
-        named[name] = rows["OBJECT_NAME"], rows["OBJECT_ID"]
-    assert named == {"on": ("spacecraft", "spacecraft"), "own": ("ur10", "ur10")}

@@ -1,43 +1,29 @@
-"""Trajectories as CSV, JSON, MATLAB and ROS 2 files; and the command that writes them."""
+"""Trajectories as CSV, JSON and MATLAB files; and the command that writes them."""
 
 import csv
 import io
 import json
 import os
 import shutil
-from functools import partial
 from operator import attrgetter
 from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
 from scipy.io import loadmat
 
 import freefloat as ff
-from freefloat.beyond.formats.ros2 import ros2_text
 from freefloat.io.formats.trajectory import Trajectory, even_times
 from freefloat.io.formats.trajectory_tables import csv_text, json_text, write_mat
-from freefloat.planning.motions import SimulatedBranch
-from freefloat.planning.simulation import Simulation
-from freefloat.so3 import heading_quaternion
 from tests.commands import error, run
+from tests.motions import heading, simulated
 from tests.prismatic import prismatic_motion, prismatic_robot
 
-assert_close = partial(np.testing.assert_allclose, rtol=0)
-
 
 @pytest.fixture(scope="module")
-def scenario():
-    return ff.load_scenario("planar_3dof/parabola")
-
-
-@pytest.fixture(scope="module")
-def motions(scenario):
+def motions(planar):
     """Example 1 from a feasible heading and from one that ends in a singularity."""
-    problem = scenario.problem()
-    starts = [heading_quaternion(np.deg2rad(degrees)) for degrees in (200.0, 140.0)]
-    return [ff.integrate_motion(problem, a, problem.branches(a)[0].joints) for a in starts]
+    return [simulated(planar, heading(degrees), 0) for degrees in (200.0, 140.0)]
 
 
 @pytest.fixture(scope="module")
@@ -50,10 +36,8 @@ def saved(tmp_path_factory, motions):
     """A folder with both as files."""
     folder = tmp_path_factory.mktemp("saved")
     for name, motion in zip(("good.h5", "bad.h5"), motions, strict=True):
-        branch = motion.problem.branches(motion.initial.attitude)[0]
-        approach = ff.closest_approach(motion, motion.problem.margin.measure)
-        chosen = SimulatedBranch(branch, motion, approach)
-        ff.save(Simulation((chosen,), chosen), folder / name)
+        simulation = ff.simulate(motion.problem, motion.initial.attitude, branch=0)
+        ff.save(simulation, folder / name)
     return folder
 
 
@@ -138,23 +122,6 @@ def test_matlab_reads_a_struct(motions, trajectory, tmp_path):
     assert struct["units"]["joint_rates"] == "rad/s"
     assert struct["measure_name"] == "system"
     assert struct["momentum"].tolist() == [0.0, 0.0, 0.5]
-
-
-def test_ros_2_gets_a_joint_trajectory(motions, trajectory):
-    message = yaml.safe_load(ros2_text(trajectory))
-    assert list(message) == ["header", "joint_names", "points"]
-    assert message["joint_names"] == ["q1", "q2", "q3"]
-    assert message["header"] == {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": ""}
-    keys = ["positions", "velocities", "accelerations", "effort", "time_from_start"]
-    assert all(list(point) == keys for point in message["points"])
-    since = [point["time_from_start"] for point in message["points"]]
-    assert all(isinstance(t["sec"], int) and 0 <= t["nanosec"] < 10**9 for t in since)
-    assert_close([t["sec"] + 1e-9 * t["nanosec"] for t in since], trajectory.times, atol=1e-9)
-    for key, field in (("positions", "joints"), ("velocities", "joint_rates"),
-                       ("accelerations", "joint_accelerations")):  # fmt: skip
-        rows = [point[key] for point in message["points"]]
-        assert all(type(number) is float for row in rows for number in row)
-        assert np.array_equal(rows, attrgetter(field)(trajectory))
 
 
 def test_stdout_gets_the_text_alone(files):

@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 
 import freefloat as ff
 from freefloat.beyond.formats.mjcf_file import mjcf_text
-from freefloat.beyond.formats.ros2 import ros2_goal_text
+from freefloat.beyond.formats.ros2 import ros2_goal_text, ros2_text
 from freefloat.io.formats.trajectory import Header, Trajectory
 from freefloat.motion.motion import Motion
 from freefloat.so3 import angle_between
@@ -56,6 +56,7 @@ def trajectory(motion) -> Trajectory:
 @pytest.mark.slow
 def test_ros_2_reads_a_goal_with_tolerances(trajectory) -> None:
     goal = yaml.safe_load(ros2_goal_text(trajectory))
+    assert yaml.safe_load(ros2_text(trajectory)) == goal["trajectory"]
     store = get_typestore(Stores.ROS2_HUMBLE)
     for name, text in GOAL.items():
         store.register(get_types_from_msg(text, name))
@@ -142,6 +143,17 @@ def test_a_parser_of_ccsds_messages_reads_attitudes_and_dates(trajectory, tmp_pa
         for state in states
     ]
     np.testing.assert_allclose(seconds, trajectory.times, atol=1.1e-6)
+
+
+@pytest.mark.parametrize(
+    ("name", "spacecraft"),
+    [("ur5_servicer/arc", "spacecraft"), ("planar_2dof/line", "planar_2dof")],
+)
+def test_an_ephemeris_names_the_spacecraft_and_not_its_arm(name, spacecraft, tmp_path) -> None:
+    """A robot that is a spacecraft already keeps its name."""
+    ff.export(first_motion(bundled(name)), tmp_path / "motion.aem", times=5)
+    about = NdmIo().from_path(tmp_path / "motion.aem").body.segment[0].metadata
+    assert about.object_name == about.object_id == spacecraft
 
 
 @pytest.mark.slow

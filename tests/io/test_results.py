@@ -103,6 +103,8 @@ def attribute(name, value, group="/"):
     return lambda file: file[group].attrs.__setitem__(name, value)
 
 
+MOTION = "result/chosen/motion"
+JOINTS = f"{MOTION}/joints"
 KINDS = {
     "format": attribute("format", "other"),
     "number": attribute("format", 3),
@@ -110,6 +112,7 @@ KINDS = {
     "future": attribute("version", 99),
     "link": lambda file: file.__setitem__("odd", h5py.SoftLink("/motion")),
     "huge": lambda file: file.create_dataset("odd", (10**9,), "f8"),
+    "offset": attribute("offset", 3.0, JOINTS),
 }
 
 
@@ -142,7 +145,6 @@ def test_a_segment_without_duration_is_refused(tmp_path):
         ff.load(path)
 
 
-MOTION = "result/chosen/motion"
 SHORTER = [replaced(f"{MOTION}/{name}", lambda values: values[:-1])
            for name in ("times", "attitudes", "joints", "base_positions")]  # fmt: skip
 BROKEN = {
@@ -158,6 +160,9 @@ BROKEN = {
     "robot": replaced("robot", lambda _: "<robot/>"),
     "end-effector": replaced("end_effector", lambda _: "tool"),  # the joint that moves it
     "number": replaced("samples", lambda _: 3.0),
+    "unit": attribute("unit", "deg", JOINTS),
+    "further number": lambda file: file.__setitem__("certified_margin", 12.0),
+    "nested brackets": replaced("document", lambda _: "[" * 100_000),
 }
 
 
@@ -265,7 +270,6 @@ def test_only_plain_files_are_replaced(saved, tmp_path):
 
 
 def test_an_interrupted_writer_leaves_the_old_file_alone(tmp_path):
-    """Written beside and renamed: an error changes nothing."""
     target = tmp_path / "plan.h5"
     target.write_text("old")
 

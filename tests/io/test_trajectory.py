@@ -8,31 +8,22 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-import freefloat as ff
 from freefloat.io.formats.trajectory import Trajectory, even_times, times_at_rate
 from freefloat.motion.motion import Ending
-from freefloat.so3 import heading_quaternion
+from tests.motions import bundled, heading, simulated
 
 assert_close = partial(np.testing.assert_allclose, rtol=0)
 
 
-def integrated(name, attitude, branch=0):
-    problem = ff.load_scenario(name).problem()
-    attitude = problem.attitude(attitude)
-    return ff.integrate_motion(problem, attitude, problem.branches(attitude)[branch].joints)
-
-
-@pytest.fixture(
-    scope="module", params=["planar_3dof/parabola", "ur5_servicer/arc", "panda_servicer/line"]
-)
+@pytest.fixture(scope="module", params=["planar_3dof/parabola", "panda_servicer/line"])
 def motion(request):
-    planar = "planar" in request.param
-    return integrated(request.param, heading_quaternion(np.deg2rad(200 if planar else 0)))
+    degrees = 200.0 if "planar" in request.param else 0.0
+    return simulated(bundled(request.param), heading(degrees), 0)
 
 
 @pytest.fixture(scope="module")
-def singular():
-    return integrated("planar_3dof/parabola", heading_quaternion(np.deg2rad(140)))
+def singular(planar):
+    return simulated(planar, heading(140.0), 0)
 
 
 def differences(motion, t, h, name):
@@ -53,7 +44,6 @@ def test_rates_are_derivatives(motion):
 
 
 def test_angular_velocity_is_the_derivative_of_the_attitude(motion):
-    """Angular velocity in inertial axes: that of the quaternions."""
     T = motion.problem.path.duration
     for t in np.array([0.11, 0.42, 0.83]) * T:
         change = differences(motion, t, 1e-3 * T, "attitudes")
@@ -83,9 +73,8 @@ def test_states_are_those_of_the_motion(motion):
 @pytest.mark.parametrize(
     ("rate", "count", "before_last"), [(0.5, 51, 98.0), (0.03, 4, 200 / 3), (0.001, 2, 0.0)]
 )
-def test_a_rate_gives_steps_of_its_length_and_the_end(singular, rate, count, before_last):
-    whole = integrated("planar_3dof/parabola", heading_quaternion(np.deg2rad(200)))
-    times = times_at_rate(whole, rate)
+def test_a_rate_gives_steps_of_its_length_and_the_end(planar, singular, rate, count, before_last):
+    times = times_at_rate(simulated(planar, heading(200.0), 0), rate)
     assert len(times) == count
     assert times[-1] == 100.0
     assert_close(times[:-1], np.arange(count - 1) / rate, atol=1e-12)
