@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from freefloat.paths import ArcCurve, PolynomialCurve, SplineCurve
+from tests.differences import slope
 from tests.errors import error_key
 
 assert_close = partial(np.testing.assert_allclose, rtol=0)
@@ -28,12 +29,6 @@ PLACES = [0.0, 0.137, 0.31, 0.4567, 0.72, 0.951, 1.0]
 @pytest.fixture(params=CURVES)
 def curve(request):
     return CURVES[request.param]
-
-
-def slope(function, s, h=1e-3):
-    """Central differences of eighth order."""
-    weights = {1: 4 / 5, 2: -1 / 5, 3: 4 / 105, 4: -1 / 280}
-    return sum(w * (function(s + k * h) - function(s - k * h)) for k, w in weights.items()) / h
 
 
 @pytest.mark.parametrize("order", [1, 2])

@@ -16,6 +16,7 @@ from freefloat.paths import (
     SplineCurve,
 )
 from freefloat.paths.orientation import OrientationSpline
+from tests.differences import slope
 from tests.errors import error_key
 
 assert_close = partial(np.testing.assert_allclose, rtol=0)
@@ -58,18 +59,12 @@ def column(rotation, axis):
     return (-1.0 if axis.startswith("-") else 1.0) * rotation[:, "xyz".index(axis[-1])]
 
 
-def angular_velocity(law, s, h=1e-3):
-    """Angular velocity from R' R^T, R' by central differences of eighth order."""
-    weights = {1: 4 / 5, 2: -1 / 5, 3: 4 / 105, 4: -1 / 280}
-    slope = sum(w * (law.rotation(s + k * h) - law.rotation(s - k * h)) for k, w in weights.items())
-    W = slope / h @ law.rotation(s).T
-    return np.array([W[2, 1] - W[1, 2], W[0, 2] - W[2, 0], W[1, 0] - W[0, 1]]) / 2.0
-
-
 def test_the_rate_is_the_angular_velocity_of_the_rotation(law):
     """dR/ds = omega x R in inertial axes, also at the ends, where the law goes on smoothly."""
     for s in PLACES:
-        assert_close(law.rate(s), angular_velocity(law, s), atol=1e-9)
+        W = slope(law.rotation, s) @ law.rotation(s).T
+        omega = np.array([W[2, 1] - W[1, 2], W[0, 2] - W[2, 0], W[1, 0] - W[0, 1]]) / 2.0
+        assert_close(law.rate(s), omega, atol=1e-9)
 
 
 def test_a_slerp_goes_from_start_to_end_by_the_shortest_rotation_at_a_constant_rate():
@@ -96,7 +91,6 @@ def test_follow_looks_along_the_path_with_z_nearest_to_the_normal(axis):
 
 @pytest.mark.parametrize("axis", ["x", "-x", "y", "-y", "z", "-z"])
 def test_point_at_keeps_its_axis_on_the_target(axis):
-    """The named axis is the unit vector from the end-effector to the target."""
     law = DirectedOrientation.point_at(CUBIC, axis, TARGET)
     for s in PLACES:
         sight = TARGET - CUBIC(s)
@@ -130,16 +124,11 @@ def test_directions_that_do_not_exist_are_refused(place):
             DirectedOrientation.point_at(curve, "x", target)
 
 
-def test_a_sampled_attitude_passes_its_samples():
-    """R(s_i) is the rotation of quaternion i."""
-    for knot, rotation in zip(KNOTS, GENTLE, strict=True):
-        result = LAWS["sampled"].rotation(knot)
-        assert_close(result, rotation.as_matrix(), atol=1e-13)
-
-
-def test_a_sampled_orientation_has_continuous_acceleration():
-    """At inner samples omega and its derivative have no jump (C2)."""
+def test_a_sampled_orientation_passes_its_samples_with_continuous_acceleration():
+    """R(s_i) is the rotation of quaternion i; omega and its derivative do not jump there (C2)."""
     law, h = LAWS["sampled"], 1e-5
+    for knot, rotation in zip(KNOTS, GENTLE, strict=True):
+        assert_close(law.rotation(knot), rotation.as_matrix(), atol=1e-13)
 
     def acceleration(s, side):
         step = side * h

@@ -6,6 +6,7 @@ from scipy.spatial.transform import Rotation
 
 import freefloat as ff
 from freefloat.paths import DirectedOrientation, PolynomialCurve, RelativePath, SlerpOrientation
+from tests.differences import slope, twist_of
 
 TUMBLING = ff.Tumbling(inertia=[115, 72, 150], rate=[0.05, 0.03, 0.0466], com=[0.1, 0, 0.2])
 CLIENT = ff.SceneBody(
@@ -32,13 +33,9 @@ def test_its_pose_in_the_moving_frame_is_the_given_one(t):
 
 @pytest.mark.parametrize("t", [0.5, 3.0, 12.3, 29.0])
 def test_its_twist_and_twist_rate_are_derivatives(t):
-    timed, h = relative_path("trapezoidal").timed([0.01, 0.0, 0.02]), 1e-4
-    before, after = timed.pose(t - h), timed.pose(t + h)
-    linear = (after.position - before.position) / (2.0 * h)
-    angular = Rotation.from_matrix(after.rotation @ before.rotation.T).as_rotvec() / (2.0 * h)
-    assert timed.twist(t) == pytest.approx([*linear, *angular], abs=1e-9)
-    change = (timed.twist(t + h) - timed.twist(t - h)) / (2.0 * h)
-    assert timed.twist_rate(t) == pytest.approx(change, abs=1e-9)
+    timed = relative_path("trapezoidal").timed([0.01, 0.0, 0.02])
+    assert timed.twist(t) == pytest.approx(twist_of(timed.pose, t), abs=1e-9)
+    assert timed.twist_rate(t) == pytest.approx(slope(timed.twist, t, 1e-4), abs=1e-9)
 
 
 def test_its_end_has_the_velocity_of_the_point_of_the_body():
@@ -69,9 +66,9 @@ def test_exact_ranges_end_where_motions_along_it_violate_the_margin():
     entries = ff.plan(moving).ranges
     assert len(entries) == 2
     for entry in entries:
-        for part in entry.ranges:
-            for edge, inward in ((part.low, 2e-4), (part.high, -2e-4)):
-                inside = ff.simulate(moving, heading=edge + inward, branch=entry.branch)
-                outside = ff.simulate(moving, heading=edge - inward, branch=entry.branch)
-                assert inside.feasible
-                assert not outside.feasible
+        part = entry.ranges[0]
+        for edge, inward in ((part.low, 2e-4), (part.high, -2e-4)):
+            inside = ff.simulate(moving, heading=edge + inward, branch=entry.branch)
+            outside = ff.simulate(moving, heading=edge - inward, branch=entry.branch)
+            assert inside.feasible
+            assert not outside.feasible

@@ -70,19 +70,18 @@ def parabola(count: int) -> tuple[np.ndarray, Rotation]:
 
 def scenario_of(kind: str, count: int) -> Scenario:
     """A robot, a task and a recorded path for it."""
-    arm, samples_of_parabola = "measure: arm, value: 5", parabola(count)
+    arm, (points, rotations) = "measure: arm, value: 5", parabola(count)
     written, samples = {
-        "spatial": (text("spatial_6dof", "pose", arm, FIXED), recorded(arch(count), 3)),
-        "spatial, quaternions": (
+        "quaternions": (
             text("spatial_6dof", "pose", arm), recorded(arch(count), 3, nodding(count))
         ),
         "planar": (
             text("planar_3dof", "planar-position", "measure: gjm, value: 1e-3"),
-            recorded(samples_of_parabola[0], 3),
+            recorded(points, 3),
         ),
         "planar, quaternions": (
             text("planar_3dof", "planar-pose", "measure: system, value: 5"),
-            recorded(samples_of_parabola[0], 3, samples_of_parabola[1]),
+            recorded(points, 3, rotations),
         ),
         "noise": (
             text("spatial_6dof", "pose", arm, FIXED), recorded(arch(count, 1e-3), 6)
@@ -91,11 +90,11 @@ def scenario_of(kind: str, count: int) -> Scenario:
     return parse_scenario(written, Path("scenario.yaml"), {"path.csv": samples})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "count"),
-    [("spatial", 21), *(pytest.param(*values, marks=pytest.mark.slow) for values in
-     [("spatial, quaternions", 41), ("planar", 41), ("planar, quaternions", 31), ("noise", 40)])],
-)  # fmt: skip
+    [("quaternions", 41), ("planar", 41), ("planar, quaternions", 31), ("noise", 40)],
+)
 def test_recorded_paths_are_integrated_as_precisely_as_others(kind: str, count: int) -> None:
     motion = first_motion(scenario_of(kind, count).problem())
     for check in certificate_checks(certify(motion), motion, False):
@@ -112,7 +111,7 @@ def test_recorded_paths_are_integrated_as_precisely_as_others(kind: str, count: 
 @pytest.mark.parametrize("backwards", [False, True])
 def test_panels_end_where_the_path_is_not_smooth(backwards: bool) -> None:
     """At every break, of path and time law, forward and back."""
-    problem = scenario_of("spatial, quaternions", 21).problem()
+    problem = scenario_of("quaternions", 21).problem()
     law = ff.Timing(100.0, TimeLaw.TRAPEZOIDAL, (Stop(0.33, 40.0),))
     problem = replace(problem, path=replace(problem.path, timing=law))
     motion = first_motion(problem)

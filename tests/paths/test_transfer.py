@@ -8,18 +8,12 @@ from scipy.spatial.transform import Rotation
 
 from freefloat.paths import transfer
 from freefloat.so3 import Pose
+from tests.differences import twist_of
 
 START = Pose(np.array([0.3, -0.2, 0.9]), Rotation.from_rotvec([0.4, 0.1, -0.7]).as_matrix())
 END = Pose(np.array([0.7, 0.4, 1.1]), Rotation.from_rotvec([-0.6, 0.8, 1.1]).as_matrix())
 TWIST = np.array([0.03, -0.01, 0.02, 0.05, -0.04, 0.01])
 DRIFT = np.array([0.01, 0.0, -0.02])
-
-
-def velocity(path, t: float, step: float = 1e-5) -> np.ndarray:
-    """Twist from differences of poses, in the frame of the path."""
-    before, after = path.pose(t - step), path.pose(t + step)
-    turn = Rotation.from_matrix(after.rotation @ before.rotation.T).as_rotvec()
-    return np.concatenate([after.position - before.position, turn]) / (2 * step)
 
 
 @pytest.mark.parametrize("drift", [np.zeros(3), DRIFT])
@@ -37,4 +31,4 @@ def test_a_transfer_begins_with_pose_and_twist_and_ends_at_rest(drift: np.ndarra
 @pytest.mark.parametrize("t", [0.5, 4.0, 9.0])
 def test_the_twist_is_that_of_differences(t: float) -> None:
     path = transfer(START, TWIST, END, 12.0, np.zeros(3))
-    np.testing.assert_allclose(path.twist(t), velocity(path, t), atol=1e-8)
+    np.testing.assert_allclose(path.twist(t), twist_of(path.pose, t), atol=1e-8)
