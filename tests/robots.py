@@ -146,21 +146,26 @@ def random_robot(
 
 
 def planar_robot(
-    m: Sequence[float], inertia: Sequence[float], before: Sequence[float], after: Sequence[float]
+    m: Sequence[float],
+    inertia: Sequence[float],
+    before: Sequence[float],
+    after: Sequence[float],
+    axis: str = "0 0 1",
 ) -> str:
-    """A planar arm in the x-y plane, straight along x at zero, as in the paper's Table I.
+    """A planar arm, straight along x at zero, as in the paper's Table I.
 
     Args:
         m: Masses of spacecraft and links [kg].
         inertia: Moments about z [kg m²].
         before: ``l_i``: from joint i to the CM of link i, the spacecraft's left out [m].
         after: ``r_i``: from the CM of body i to joint i + 1, at last to the end-effector [m].
+        axis: Of the joints.
     """
     text = link_text("bus", inertial_text(float(m[0]), float(inertia[0]) * np.eye(3)))
     at, parent = float(after[0]), "bus"
     for i in range(1, len(m)):
         link, to_centre = f"link_{i}", float(before[i - 1])
-        text += joint_text(f"q{i}", "C", parent, link, f"{at!r} 0 0")
+        text += joint_text(f"q{i}", "C", parent, link, f"{at!r} 0 0", axis=axis)
         text += link_text(
             link, inertial_text(float(m[i]), float(inertia[i]) * np.eye(3), f"{to_centre!r} 0 0")
         )

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import pytest
 
-from freefloat.robot.bundled import models_folder
 from tests.commands import error, run
 from tests.scenarios import PARABOLA
 
@@ -56,16 +55,6 @@ def test_keys(key: str, old: str, new: str, folder: Path) -> None:
     assert refusal["key"].startswith(key)
     assert refusal["file"] == NAME or key == "path.samples"
     assert refusal["accepted"]
-
-
-def test_urdfs(folder: Path) -> None:
-    text = (models_folder() / "planar_3dof" / "planar_3dof.urdf").read_text()
-    (folder / "planar_3dof.urdf").write_text(replaced(text, 'value="40"', 'value="-40"'))
-    (folder / NAME).write_text(PARABOLA)
-    refusal = error("simulate", NAME, *HEADING)
-    assert refusal["key"] == "link link_1"
-    assert Path(refusal["file"]).name == "planar_3dof.urdf"
-    assert refusal["line"] is not None
 
 
 @pytest.mark.parametrize(("key", "words"), OPTIONS.values(), ids=OPTIONS)

@@ -23,34 +23,29 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.parametrize("name", sorted(COMMANDS.commands))
 def test_no_option_takes_several_words_by_itself(name: str) -> None:
-    """Which would refuse commas."""
     options = [option for option in COMMANDS.commands[name].params if option.opts[0][0] == "-"]
     assert [option.opts for option in options if option.nargs != 1] == []
 
 
 @pytest.mark.parametrize("words", [
-    ("planar_2dof", "--joints", "0.3", "-0.6"),
-    ("--joints", "0.3", "-0.6", "planar_2dof"),
-    ("planar_2dof", "--joints=0.3,-0.6", "--attitude=0", "0", "0", "1"),
-    ("planar_2dof", "--joints", "0.3,", "-6e-1", "--attitude", "0,0,0,1"),
-    ("planar_2dof", "--joints", "0.3, -0.6", "--attitude", "0 0 0 1"),
-    ("--attitude", "0", "0", "0", "1", "--joints", "+0.3,-0.6", "planar_2dof"),
+    ("planar_2dof", "--joints", "-0.3", "0.6"),
+    ("--joints", "-0.3", "0.6", "planar_2dof"),
+    ("planar_2dof", "--joints=-0.3,0.6"),
+    ("planar_2dof", "--joints", "-0.3,0.6"),
+    ("planar_2dof", "--joints=-0.3", "0.6", "--attitude=0", "0", "0", "1"),
+    ("planar_2dof", "--joints", "-3e-1,", "0.6", "--attitude", "0,0,0,1"),
+    ("planar_2dof", "--joints", "-0.3, 0.6", "--attitude", "0 0 0 1"),
+    ("--attitude", "0", "0", "0", "1", "--joints", "-0.3,+0.6", "planar_2dof"),
 ])  # fmt: skip
 def test_joints_and_attitudes_have_both_forms(words: tuple[str, ...]) -> None:
     configuration = document("info", *words)["configuration"]
-    assert configuration["joints"] == [0.3, -0.6]
+    assert configuration["joints"] == [-0.3, 0.6]
     assert configuration["attitude"] == [0.0, 0.0, 0.0, 1.0]
-
-
-def test_a_negative_number_begins_a_list() -> None:
-    for words in (("--joints=-0.3,0.6",), ("--joints", "-0.3,0.6"), ("--joints", "-0.3", "0.6")):
-        assert document("info", "planar_2dof", *words)["configuration"]["joints"] == [-0.3, 0.6]
 
 
 @pytest.mark.parametrize(("command", "words", "key"), [
     ("simulate", ("planar_3dof/parabola", "--attitude", "0", "0", "1"), "attitude"),
     ("simulate", ("planar_3dof/parabola", "--attitude", "0", "0", "zero", "1"), "attitude"),
-    ("simulate", ("--attitude", "0", "0", "0", "1x", "planar_3dof/parabola"), "attitude"),
     ("simulate", ("planar_3dof/parabola", "--attitude", "--quiet"), "attitude"),
     ("simulate", ("planar_3dof/parabola", "--attitude", "[0,0,0,1]"), "attitude"),
     ("simulate", ("planar_3dof/parabola", "--attitude", "0", "0", "nan", "1"), "attitude"),

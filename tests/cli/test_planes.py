@@ -8,11 +8,11 @@ import pytest
 
 import freefloat as ff
 from tests.commands import document, error, run
-from tests.dynamics.test_plane import CASE
-from tests.robots import joint_text
+from tests.dynamics.test_plane import TABLE
+from tests.robots import joint_text, planar_robot
 
 LINE = """
-robot: {{urdf: arm.urdf, end_effector: tip}}
+robot: {{urdf: arm.urdf, end_effector: end_effector}}
 task: planar-position
 momentum: [0, 0.2, 0]
 path:
@@ -25,7 +25,7 @@ margin: {{measure: gjm, value: 0.05}}
 @pytest.fixture
 def scenario(tmp_path: Path) -> Path:
     """A line in the x-z plane, and beside it an arm about y."""
-    (tmp_path / "arm.urdf").write_text(CASE.format("0 1 0"))
+    (tmp_path / "arm.urdf").write_text(planar_robot(*TABLE, axis="0 1 0"))
     path = tmp_path / "line.yaml"
     path.write_text(LINE.format(0))
     return path

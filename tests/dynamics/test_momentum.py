@@ -110,15 +110,10 @@ def test_rates_give_the_twist_and_keep_the_momentum(
 
 def test_rates_are_infinite_where_the_matrix_is_singular() -> None:
     """A straight massless arm cannot move its end-effector outward."""
-    fixed_base = ff.FreeFloatingModel.from_urdf(
-        planar_robot([5, 0, 0], [1, 0, 0], [1, 1], [0, 0, 0])
-    )
-    solver = ResolvedRateSolver(ff.System(fixed_base), ff.Task.PLANAR_POSITION)
-    w, rates = solver.rates(np.array([0.0, 0, 0, 1]), np.zeros(2), np.eye(6)[0])
-    assert np.isinf([*w, *rates]).all()
-    redundant = ff.FreeFloatingModel.from_urdf(
-        planar_robot([5, 0, 0, 0], [1, 0, 0, 0], [1] * 3, [0] * 4)
-    )
-    solver = ResolvedRateSolver(ff.System(redundant), ff.Task.PLANAR_POSITION)
-    _, rates = solver.rates(np.array([0.0, 0, 0, 1]), np.zeros(3), np.eye(6)[0])
-    assert not np.isfinite(rates).all()
+    redundancy = ff.Redundancy("joints", "sigma")
+    for dof, toward in ((2, None), (3, None), (3, redundancy)):
+        text = planar_robot([5] + [0] * dof, [1] + [0] * dof, [1] * dof, [0] * (dof + 1))
+        system = ff.System(ff.FreeFloatingModel.from_urdf(text))
+        solver = ResolvedRateSolver(system, ff.Task.PLANAR_POSITION, toward)
+        _, rates = solver.rates(np.array([0.0, 0, 0, 1]), np.zeros(dof), np.eye(6)[0], 1.0)
+        assert not np.isfinite(rates).all()

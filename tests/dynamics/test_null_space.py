@@ -9,10 +9,8 @@ import pytest
 import freefloat as ff
 from freefloat.dynamics.momentum import end_effector_jacobian, momentum_map
 from freefloat.dynamics.redundancy import Metric, Toward, range_centres
-from freefloat.dynamics.resolved_rates import ResolvedRateSolver
 from tests.errors import error_key
 from tests.redundant import ARMS, choices, redundant
-from tests.robots import planar_robot
 
 JOINTS = [0.0248, -1.7374, -1.0996, -1.4452, -1.3566, 1.0564, 0.7632]
 """An attitude from which the Panda completes its line, and about where its joints are then."""
@@ -122,16 +120,6 @@ def test_the_null_space_motion_is_bounded(toward):
     np.testing.assert_allclose(rest, plain.rates(attitude, joints, twist)[1], rtol=0, atol=1e-12)
 
 
-def test_rates_are_infinite_where_the_arm_is_singular():
-    """A stretched planar arm has infinite rates and raises no exception."""
-    text = planar_robot([5, 1, 1, 1], [1] * 4, [1] * 3, [0] * 4)
-    model = ff.FreeFloatingModel.from_urdf(text)
-    redundancy = ff.Redundancy(Metric.ENERGY, Toward.MANIPULABILITY)
-    solver = ResolvedRateSolver(ff.System(model), ff.Task.PLANAR_POSITION, redundancy)
-    _, rates = solver.rates(np.array([0.0, 0, 0, 1]), np.zeros(3), np.eye(6)[0], 1.0)
-    assert not np.isfinite(rates).all()
-
-
 @pytest.mark.parametrize(("changes", "key"), [
     ({"metric": "fast"}, "redundancy.metric"),
     ({"metric": {"a": 0.0}}, "redundancy.metric.a"),
@@ -141,5 +129,4 @@ def test_rates_are_infinite_where_the_arm_is_singular():
     ({"bound": 0.0}, "redundancy.bound"),
 ])  # fmt: skip
 def test_invalid_settings_raise(changes, key):
-    """The error names the scenario key."""
     assert error_key(ff.Redundancy, **changes) == key

@@ -13,22 +13,10 @@ from freefloat.dynamics.plane import Plane, plane_of
 from freefloat.dynamics.redundancy import Redundancy
 from freefloat.dynamics.resolved_rates import ResolvedRateSolver
 from tests.planes import DIRECTIONS, planar_arm, turn_to
-from tests.robots import inertial_text, joint_text, link_text
+from tests.robots import inertial_text, joint_text, link_text, planar_robot
 
-CASE = """<robot name="p">
-<link name="bus"><inertial><mass value="40"/>
-<inertia ixx="6.667" ixy="0" ixz="0" iyy="6.667" iyz="0" izz="6.667"/></inertial></link>
-<link name="a"><inertial><origin xyz="0.5 0 0"/><mass value="4"/>
-<inertia ixx="0.333" ixy="0" ixz="0" iyy="0.333" iyz="0" izz="0.333"/></inertial></link>
-<link name="b"><inertial><origin xyz="0.5 0 0"/><mass value="3"/>
-<inertia ixx="0.25" ixy="0" ixz="0" iyy="0.25" iyz="0" izz="0.25"/></inertial></link>
-<link name="tip"/>
-<joint name="q1" type="continuous"><parent link="bus"/><child link="a"/>
-<origin xyz="0.5 0 0"/><axis xyz="{0}"/></joint>
-<joint name="q2" type="continuous"><parent link="a"/><child link="b"/>
-<origin xyz="1.0 0 0"/><axis xyz="{0}"/></joint>
-<joint name="t" type="fixed"><parent link="b"/><child link="tip"/><origin xyz="1.0 0 0"/></joint>
-</robot>"""
+TABLE = [40, 4, 3], [6.667, 0.333, 0.25], [0.5, 0.5], [0.5, 0.5, 0.5]
+"""The arm 40/4/3 of Papadopoulos and Dubowsky."""
 
 
 def free_floating(text: str, joints: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -104,8 +92,9 @@ def test_directions_keep_an_arm_in_a_plane(planar_3dof: ff.FreeFloatingModel) ->
 
 
 def test_an_arm_beside_the_centre_of_mass_is_refused_with_the_reason() -> None:
-    raised = CASE.format("0 1 0").replace('<origin xyz="0.5 0 0"/><axis', "<origin/><axis")
-    text = raised.replace("<origin/>", '<origin xyz="0.5 0.2 0"/>', 1)
+    text = planar_robot(*TABLE, axis="0 1 0")
+    first = '<origin xyz="0.5 0 0" rpy="0 0 0"/><axis'
+    text = text.replace(first, first.replace("0.5 0 0", "0.5 0.2 0"), 1)
     model = ff.FreeFloatingModel.from_urdf(text)
     assert plane_of(model) is None
     with pytest.raises(ff.InputError, match="not symmetric") as caught:

@@ -50,13 +50,12 @@ def brute_force(motion, measure):
     return float(values[best]), float(times[best])
 
 
-@pytest.mark.parametrize("name", KEYS)
-@pytest.mark.parametrize("key", ["near", "planar close"])
+@pytest.mark.parametrize(
+    ("key", "name"), [*(("near", name) for name in KEYS), ("planar close", "system")]
+)
 def test_closest_approach_agrees_with_brute_force(motions, key, name):
     """To seven digits, and never above."""
     motion = motions[key]
-    if name == "arm" and "planar" in key:
-        name = "system"
     measure = ff.singularity_measure(motion.problem.model, motion.problem.task, name)
     result = ff.closest_approach(motion, measure)
     value, time = brute_force(motion, measure)
@@ -125,7 +124,6 @@ def test_the_first_of_two_sign_changes_counts(near, first):
     ("fraction", "first"), [(0.1, True), (0.6, True), (0.4, False), (0.9, False)]
 )
 def test_a_minimum_near_either_end(near, fraction, first):
-    """A motion may begin just before its closest approach or end just after it."""
     low, high = near.node_coordinates[:2] if first else near.node_coordinates[-2:]
     q = near.evaluate([low, low + fraction * (high - low), high])[2]
     joint = int(np.argmax(np.abs(q[2] - q[0])))

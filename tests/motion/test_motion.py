@@ -43,19 +43,7 @@ def stopping(planar):
     return simulated(planar, heading(200.0), 0)
 
 
-def test_a_motion_passes_its_nodes(motion, singular, backwards, stopping):
-    """Sampled at the time of a node it is at that node."""
-    for record in (motion, singular, backwards, stopping):
-        tolerance = 1e-5 if record is singular else 1e-10  # time stands still at a singularity
-        for node, state in zip(range(len(record.times)), record.sample(record.times), strict=True):
-            assert state.time == record.times[node]
-            assert_close(state.joints, record.joints[node], atol=tolerance)
-            assert_close(state.attitude, record.attitudes[node], atol=tolerance)
-            assert_close(state.base_position, record.base_positions[node], atol=tolerance)
-
-
 def test_a_motion_is_sampled_in_the_order_asked_for(motion):
-    """Times need not rise, may repeat, and may be a single number."""
     times = [70.0, 3.0, 70.0, 100.0, 0.0]
     states = motion.sample(times)
     assert [state.time for state in states] == times
@@ -69,7 +57,6 @@ def test_a_motion_is_sampled_in_the_order_asked_for(motion):
 
 @pytest.mark.parametrize("place", [0.0, 0.3, 7.0, 12.9999])
 def test_a_cut_motion_is_the_motion_up_to_there(motion, place):
-    """The rest is unchanged, the last state is the one at the place of the cut."""
     part = motion.cut(place, Ending.MARGIN)
     t, attitude, joints = motion.evaluate(place)
     assert part.ending is Ending.MARGIN
@@ -83,9 +70,9 @@ def test_a_cut_motion_is_the_motion_up_to_there(motion, place):
         assert_close(state.joints, whole.joints, atol=1e-11)
 
 
-def test_places_and_times_belong_together(motion, backwards):
+def test_places_and_times_belong_together(motion, backwards, stopping):
     """coordinates_at is the inverse of evaluate, and nodes are where node_coordinates says."""
-    for record in (motion, backwards):
+    for record in (motion, backwards, stopping):
         places = np.linspace(0.0, record.panels, 57)
         times = np.clip(record.evaluate(places)[0], 0.0, 100.0)
         assert_close(record.coordinates_at(times), places, atol=1e-7)
@@ -104,7 +91,6 @@ def test_a_good_motion_has_small_residuals(motion, singular, backwards, stopping
 
 
 def test_position_tasks_have_no_attitude_residual(spatial):
-    """A position task leaves the attitude free."""
     attitude = spatial.attitude(GOOD)
     position = replace(spatial, task=ff.Task.POSITION)
     joints = spatial.branches(attitude)[2].joints

@@ -60,7 +60,6 @@ def joints(rng: np.random.Generator, robot: Robot) -> np.ndarray:
 
 @given(seed=seeds)
 def test_a_mounted_arm_is_pinocchios_own_sum_of_two_models(seed: int) -> None:
-    """The same masses and joints as ``appendModel`` of a fixed-base arm to a free body."""
     rng = np.random.default_rng(seed)
     arm, craft = random_robot(rng, "RPR"), random_spacecraft(rng)
     model = ff.FreeFloatingModel.from_urdf(arm.text, arm.end_effector, spacecraft=craft)
@@ -146,7 +145,6 @@ def test_impossible_bodies_are_refused(name: str, part: type) -> None:
 
 @given(seed=seeds)
 def test_an_attached_arm_is_pinocchios_own_sum_of_two_models(seed: int) -> None:
-    """The same mass matrix as ``appendModel`` of a fixed-base arm to a link of the other."""
     rng = np.random.default_rng(seed)
     first, second = random_robot(rng, "RPR"), random_robot(rng, "CR")
     mount, at = Mount(rng.uniform(-1, 1, 3), rng.uniform(-3, 3, 3)), first.joints[1]

@@ -64,7 +64,6 @@ def test_the_unit_of_a_file_counts_and_its_upward_axis_does_not(tmp_path: Path) 
 
 
 def test_a_mirrored_mesh_still_looks_outwards(tmp_path: Path) -> None:
-    """Normals and the order of every triangle's corners."""
     (ball,) = read_mesh(saved(trimesh.creation.icosphere(2), tmp_path / "ball.stl"), [-1, 1, 1])
     np.testing.assert_allclose(ball.mesh.normals, ball.mesh.vertices, atol=0.05)
     a, b, c = np.moveaxis(ball.mesh.vertices[ball.mesh.faces], 1, 0)
@@ -72,7 +71,6 @@ def test_a_mirrored_mesh_still_looks_outwards(tmp_path: Path) -> None:
 
 
 def test_the_parts_of_a_scene_stand_where_its_nodes_put_them(tmp_path: Path) -> None:
-    """Two boxes of one colour are one part, the red one is another."""
     scene = trimesh.Scene()
     for place, colour in ((0.0, [9, 9, 9, 255]), (5.0, [9, 9, 9, 255]), (8.0, [255, 0, 0, 255])):
         box = trimesh.creation.box((1, 1, 1))
@@ -91,7 +89,6 @@ def test_the_parts_of_a_scene_stand_where_its_nodes_put_them(tmp_path: Path) -> 
 def test_a_file_that_is_no_mesh_is_refused_with_a_reason(
     tmp_path: Path, suffix: str, content: bytes
 ) -> None:
-    """Whatever the readers of the formats throw."""
     path = tmp_path / f"broken.{suffix}"
     path.write_bytes(content)
     with pytest.raises(MeshFileError) as caught:
@@ -177,7 +174,6 @@ def box(tmp_path: Path) -> Path:
 def test_names_are_relative_to_the_folder_of_the_urdf(
     box: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Not to the current one."""
     urdf = tmp_path / "kit" / "urdf" / "arm.urdf"
     urdf.parent.mkdir()
     assert find_mesh("../meshes/a box.stl", str(urdf)).samefile(box)

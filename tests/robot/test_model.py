@@ -88,14 +88,12 @@ def test_too_many_moving_joints_are_refused() -> None:
 
 @pytest.mark.parametrize("frame", ["bus", "antenna", "glue"])
 def test_a_frame_fixed_to_the_spacecraft_is_refused(frame: str) -> None:
-    """No joint moves it; the links that joints do move are listed."""
     antenna = a_link("antenna") + joint_text("glue", "F", "bus", "antenna")
     text = ELBOW.replace("</robot>", antenna + "</robot>")
     assert error_key(ff.FreeFloatingModel.from_urdf, text, frame) == "end_effector"
 
 
 def test_fixed_joints_are_as_if_glued() -> None:
-    """The mast fixed at 0.7 rad is the mast mounted at 0.7 rad."""
     fixed = ff.FreeFloatingModel.from_urdf(ELBOW, "fore", fixed_joints={"hinge": 0.7})
     glue = joint_text("hinge", "F", "bus", "mast", "-0.5 0 0", "0 0.7 0")
     revolute = joint_text("hinge", "R", "bus", "mast", "-0.5 0 0", axis="0 1 0")
@@ -124,7 +122,6 @@ def test_joint_vectors_come_by_name_or_in_order(planar_3dof: ff.FreeFloatingMode
 
 
 def test_models_survive_pickling_and_copying(rng: np.random.Generator) -> None:
-    """A worker process gets the same robot, fixed joints and scaled masses included."""
     robot = random_robot(rng, "RCPRR", "RP")
     fixed = dict(zip(robot.others, (0.3, -0.2), strict=True))
     model = ff.FreeFloatingModel.from_urdf(

@@ -110,7 +110,6 @@ def test_text_between_links_is_listed() -> None:
 
 
 def test_the_shape_is_the_known_element_of_the_first_geometry() -> None:
-    """Elements of other kinds are listed, and hide no shape."""
     for content, radii, listed in (
         ('<plane/><sphere radius="1"/>', [1.0], ["plane"]),
         ('<verbose/><sphere radius="1"/>', [1.0], []),

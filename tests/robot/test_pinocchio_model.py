@@ -171,7 +171,6 @@ def jacobian(model: pin.Model, frame: str, joints: np.ndarray) -> np.ndarray:
 
 
 def test_other_joints_off_the_arm_are_fixed_at_neutral() -> None:
-    """Ball and mimic joints; also placements on the side of a cone where angles are singular."""
     model = arm(FREE, pin.JointModelRZ(), pin.JointModelPY(), pin.JointModelRevoluteUnaligned(
         np.array([0.6, 0.0, 0.8])))  # fmt: skip
     upright = pin.SE3(pin.rpy.rpyToMatrix(0.3, np.pi / 2.0 - 1e-9, -1.0), np.array([0.1, 0.2, 0.3]))

@@ -66,7 +66,6 @@ def test_what_precedes_a_robot_is_no_matter(head: str, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("prefix", ["", "u:"])
 def test_a_namespace_of_all_elements_is_no_matter(prefix: str) -> None:
-    """A default one, or one with a prefix; elements of others are not read."""
     other = '<d:rotor xmlns:d="http://drake.mit.edu/d" inertia="3"/>'
     text = one_joint(more=other)
     text = re.sub(r"<(/?)(?=[a-z]+[ />])", rf"<\1{prefix}", text)

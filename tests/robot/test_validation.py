@@ -194,7 +194,6 @@ def test_warnings_about_real_robots_are_true(name: str) -> None:
 def test_an_inertia_that_does_not_fit_the_mass_is_reported(
     mass: str, moments: str, shape: str
 ) -> None:
-    """Of a spacecraft in a URDF, and of one on which this is mounted, another warning."""
     visual = f"\n<visual><geometry>{shape}</geometry></visual>" if shape else ""
     text = VALID.replace(BUS, link("bus", mass, "0 0 0", moments, visual))
     assert elements(text) == ["link bus"]
