@@ -10,8 +10,7 @@ from freefloat.certificate.matrix_bounds import ScaledSystem
 from freefloat.motion.law import PathLaw
 from freefloat.motion.motion import Ending, Motion
 from freefloat.motion.panels import DEGREE, NODES
-from freefloat.paths import FixedOrientation, PolynomialCurve
-from tests.motions import GOOD, heading, simulated
+from tests.motions import GOOD, along, heading, simulated
 from tests.robots import random_robot
 
 ROBOTS = [
@@ -32,11 +31,7 @@ def wandering(rng, chain, task, size):
 
 def moving(model, task, c):
     """Joints by Chebyshev coefficients (K, n) in two panels."""
-    curve = PolynomialCurve.line((0.0, 0.0, 0.0), (1.0, 0.0, 0.0))
-    path = ff.TimedPath(ff.EndEffectorPath(curve, FixedOrientation(np.eye(3))), ff.Timing(1.0))
-    problem = ff.Problem(
-        model, path, task, np.zeros(3), ff.Margin(ff.singularity_measure(model, task, "gjm"), 0.0)
-    )
+    problem = along(model, task, (0.0, 0.0, 0.0), (1.0, 0.0, 0.0), np.eye(3), 1.0)
     x = np.append((NODES[:-1] - 1.0) / 2.0, (NODES + 1.0) / 2.0)
     joints = chebyshev.chebval(x, c).T
     attitudes = np.tile([0.0, 0.0, 0.0, 1.0], (len(x), 1))
@@ -178,7 +173,6 @@ def test_bounds_hold_along_the_papers_examples(spatial, planar):
 
 @pytest.mark.slow
 def test_nothing_is_proven_of_a_motion_that_passes_a_singularity(planar):
-    """Although the values at both ends are far from zero."""
     joints = np.array([0.3, 0.05, 1.0]) * np.ones((DEGREE + 1, 1))
     joints[:, 1] = 0.4 * NODES + 0.013  # the arm stretches on the way
     attitudes = np.tile([0.0, 0.0, 0.0, 1.0], (DEGREE + 1, 1))

@@ -10,6 +10,7 @@ from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.regions.elbow_arm import elbow_arm, wrist_in_tool
 from freefloat.regions.planar_regions import point_3, two_angles
 from freefloat.regions.workspace import _general_workspace, exact_workspace
+from tests.regions.test_workspace import problem_of
 from tests.robots import inertial_text, joint_text, link_text, planar_robot
 
 VARIANTS = {
@@ -51,16 +52,9 @@ def test_s_and_the_wrist_are_those_of_the_arm_in_space(
 LIGHT = planar_robot([20, 9, 6], [1.5, 0.9, 0.4], [0.7, 0.3], [0.3, 0.4, 0.5])
 
 
-def problem_of(model: ff.FreeFloatingModel, task: ff.Task) -> ff.Problem:
-    path = ff.load_scenario("planar_3dof/parabola_nonstop").problem().path
-    return ff.Problem(
-        model, path, task, [0, 0, 0], ff.Margin(ff.singularity_measure(model, task, "gjm"), 0.0)
-    )
-
-
 @pytest.mark.slow
 def test_certified_areas_are_the_exact_ones_of_planar_arms() -> None:
-    problem = problem_of(ff.FreeFloatingModel.from_urdf(LIGHT), ff.Task.PLANAR_POSITION)
+    problem = problem_of(ff.FreeFloatingModel.from_urdf(LIGHT))
     exact, general = exact_workspace(problem), _general_workspace(problem)
     assert exact is not None
     assert (general.exact, general.undecided) == (False, ())
@@ -82,7 +76,7 @@ def prismatic(limits: tuple[float, float]) -> ff.Problem:
         + joint_text("prismatic", "P", "boom", "rod", axis="1 0 0", limits=limits)
         + "</robot>"
     )  # fmt: skip
-    return problem_of(ff.FreeFloatingModel.from_urdf(text), ff.Task.PLANAR_POSITION)
+    return problem_of(ff.FreeFloatingModel.from_urdf(text))
 
 
 @pytest.mark.slow

@@ -10,26 +10,13 @@ import freefloat as ff
 from freefloat.regions.margin_curves import TwoAngleDeterminant, level_curves
 from freefloat.regions.planar_regions import PlanarArm
 from freefloat.regions.workspace import workspace_regions
-
-LINK = """<link name="l{0}"><inertial><origin xyz="{1} {2} 0"/><mass value="{3}"/>
-<inertia ixx="{4}" ixy="0" ixz="0" iyy="{4}" iyz="0" izz="{4}"/></inertial></link>"""
-JOINT = """<joint name="q{0}" type="continuous"><parent link="l{1}"/><child link="l{0}"/>
-<origin xyz="{2} {3} 0" rpy="0 0 {4}"/><axis xyz="0 0 {5}"/></joint>"""
-TIP = """<joint name="tool" type="fixed"><parent link="l2"/><child link="tip"/>
-<origin xyz="{0} {1} 0"/></joint><link name="tip"/></robot>"""
+from tests.planes import planar_arm
 
 
-def random_arm(rng: np.random.Generator) -> ff.FreeFloatingModel:
+def random_arm(seed: int) -> ff.FreeFloatingModel:
     """Two joints about +z or -z, centres of mass anywhere."""
-    parts = ['<robot name="random">']
-    for k in range(3):
-        mass, size = np.exp(rng.uniform(0, 5)), rng.uniform(0.3, 2.0)
-        parts.append(LINK.format(k, *rng.uniform(-0.5, 0.5, 2) * size, mass, mass * size**2 / 6))
-    for k in (1, 2):
-        place = rng.uniform(-1.5, 1.5, 2)
-        parts.append(JOINT.format(k, k - 1, *place, rng.uniform(-3, 3), rng.choice([-1, 1])))
-    text = "".join(parts) + TIP.format(*rng.uniform(-1.5, 1.5, 2))
-    return ff.FreeFloatingModel.from_urdf(text, "tip")
+    signs = ("++", "+-", "-+", "--")[seed % 4]
+    return ff.FreeFloatingModel.from_urdf(planar_arm(seed, signs, np.eye(3)), "tool")
 
 
 def determinants(model: ff.FreeFloatingModel, joints: np.ndarray) -> np.ndarray:
@@ -41,8 +28,8 @@ def determinants(model: ff.FreeFloatingModel, joints: np.ndarray) -> np.ndarray:
 @pytest.mark.slow
 def test_k0_k1_and_k2_give_the_determinant_of_any_arm() -> None:
     rng = np.random.default_rng(48)
-    for _ in range(50):
-        model = random_arm(rng)
+    for seed in range(50):
+        model = random_arm(seed)
         arm = PlanarArm.of(model)
         joints = rng.uniform(-np.pi, np.pi, (20, 2))
         angles = (arm.signs * joints).T
@@ -83,7 +70,7 @@ def crossings(S: TwoAngleDeterminant, q1: np.ndarray, level: float) -> np.ndarra
 def test_no_curve_is_missed_and_all_points_lie_on_them(seed: int) -> None:
     """Levels of both signs, zero, and curves around the largest S down to 1e-6 rad wide."""
     rng = np.random.default_rng([22, seed])
-    arm = PlanarArm.of(random_arm(rng))
+    arm = PlanarArm.of(random_arm(seed))
     sign, S = float(np.prod(arm.signs)), TwoAngleDeterminant.of(arm)
     starts = rng.uniform(-np.pi, np.pi, (12, 2))
     tops = [minimize(lambda q: -float(S(*q)), q, tol=1e-15, method="Nelder-Mead") for q in starts]

@@ -8,34 +8,13 @@ from freefloat.dynamics.momentum import inertia_matrices
 from freefloat.dynamics.resolved_rates import ResolvedRateSolver
 from freefloat.regions.planar_regions import PlanarArm
 from freefloat.so3 import heading_quaternion
-
-URDF = """<robot name="bent"><link name="l0"><inertial><origin xyz="0.1 -0.2 0"/><mass value="90"/>
-<inertia ixx="9" ixy="0" ixz="0" iyy="9" iyz="0" izz="12"/></inertial></link>
-{joint1}<link name="l1"><inertial><origin xyz="0.4 0.1 0"/><mass value="11"/>
-<inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1.5"/></inertial></link>
-{joint2}<link name="l2"><inertial><origin xyz="0.3 -0.1 0"/><mass value="7"/>
-<inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="0.8"/></inertial></link>
-{joint3}<link name="l3"><inertial><origin xyz="0.1 0.05 0"/><mass value="2"/>
-<inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="0.3"/></inertial></link>
-<joint name="tool" type="fixed"><parent link="l3"/><child link="tip"/>
-<origin xyz="0.3 0.1 0" rpy="0 0 0.4"/></joint><link name="tip"/></robot>"""
+from tests.planes import planar_arm
 
 
-def bent_arm(*axes: int) -> ff.FreeFloatingModel:
-    """Offsets everywhere, joint frames rotated, joint axes along +z or -z."""
-    joints = {
-        f"joint{i}": f'<joint name="q{i}" type="continuous"><parent link="l{i - 1}"/>'
-        f'<child link="l{i}"/><origin xyz="{0.4 + 0.2 * i} {0.1 * i} 0" rpy="0 0 {0.3 * i}"/>'
-        f'<axis xyz="0 0 {axis}"/></joint>'
-        for i, axis in enumerate(axes, start=1)
-    }
-    return ff.FreeFloatingModel.from_urdf(URDF.format(**joints), "tip")
-
-
-@pytest.mark.parametrize("axes", [(1, 1, 1), (1, -1, 1), (-1, -1, -1), (-1, 1, 1)])
-def test_determinant_rates_and_place_agree_with_pinocchio(axes):
+@pytest.mark.parametrize("joints", ["+++", "+-+", "---", "-++"])
+def test_determinant_rates_and_place_agree_with_pinocchio(joints):
     """S, the rates of (24) and the end-effector's place, for offset links and either axis sense."""
-    model = bent_arm(*axes)
+    model = ff.FreeFloatingModel.from_urdf(planar_arm(1, joints, np.eye(3)), "tool")
     arm, S = PlanarArm.of(model), ff.singularity_measure(model, ff.Task.PLANAR_POSE, "system")
     equation = ResolvedRateSolver(ff.System(model, [0, 0, 0.7]), ff.Task.PLANAR_POSE)
     rng = np.random.default_rng(3)

@@ -7,6 +7,7 @@ import pytest
 from scipy.optimize import brentq, minimize
 
 import freefloat as ff
+from tests.motions import bundled
 from tests.robots import planar_robot
 
 
@@ -18,9 +19,8 @@ def collinear(masses, moments, mount, centres, lengths):
 
 def problem_of(model):
     task = ff.Task.PLANAR_POSE if model.dof == 3 else ff.Task.PLANAR_POSITION
-    path = ff.load_scenario("planar_3dof/parabola_nonstop").problem().path
     return ff.Problem(
-        model, path, task, [0, 0, 0], ff.Margin(ff.singularity_measure(model, task, "system"), 0.0)
+        model, path=bundled("planar_3dof/parabola_nonstop").path, task=task, margin=("system", 0.0)
     )
 
 
@@ -68,15 +68,9 @@ def test_areas_of_example_1_fill_the_reach_and_its_path_crosses_both(planar):
 
 
 @pytest.fixture(scope="module")
-def line():
-    """Example 2."""
-    return ff.load_scenario("spatial_6dof/line").problem()
-
-
-@pytest.fixture(scope="module")
-def shells(line):
-    """Its reach and areas."""
-    return ff.workspace_regions(line)
+def shells(spatial):
+    """Reach and areas of Example 2."""
+    return ff.workspace_regions(spatial)
 
 
 def singular_joints(problem, name, rng, lines):
@@ -120,11 +114,9 @@ def test_areas_of_an_asymmetric_arm_end_at_extrema_along_its_singularity_curves(
 
 
 @pytest.mark.slow
-def test_singular_configurations_fill_the_path_dependent_shells(
-    line, shells, rng: np.random.Generator
-):
+def test_singular_configurations_fill_the_path_dependent_shells(spatial, shells, rng):
     """All those of random lines are inside, and they leave no gap there."""
-    radii = np.sort(distances(line, shells, singular_joints(line, "arm", rng, 200)))
+    radii = np.sort(distances(spatial, shells, singular_joints(spatial, "arm", rng, 200)))
     assert len(radii) > 250
     assert shells.path_dependent is not None
     for low, high in shells.path_dependent:
@@ -135,7 +127,7 @@ def test_singular_configurations_fill_the_path_dependent_shells(
     assert len(radii) == 0
 
 
-def test_the_path_of_example_2_crosses_one_path_dependent_area(line, shells):
+def test_the_path_of_example_2_crosses_one_path_dependent_area(shells):
     """As the paper says of point 3; its singular point C and touch point lie in it."""
     assert shells.point == "virtual wrist centre"
     parts = shells.path

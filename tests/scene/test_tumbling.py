@@ -12,7 +12,6 @@ from tests.errors import error_key
 
 
 def test_the_axes_of_the_body_are_free(rng):
-    """With the inertia in rotated axes the motion is the same."""
     R = Rotation.random(rng=rng).as_matrix()
     moments, rate = np.array([3.0, 4.0, 5.0]), np.array([0.1, 0.5, -0.2])
     principal = ff.Tumbling(moments, rate)

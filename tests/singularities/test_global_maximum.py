@@ -13,7 +13,7 @@ from freefloat.dynamics.joint_space import joint_box
 from freefloat.singularities.global_maximum import global_maximum, guaranteed_magnitude
 from freefloat.singularities.singularity_polynomial import SingularityPolynomial
 from tests.motions import bundled
-from tests.robots import random_robot
+from tests.singularities.test_singularity_distance import case
 
 
 def test_the_maximum_of_the_paper() -> None:
@@ -25,18 +25,12 @@ def test_the_maximum_of_the_paper() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("robot", "name"), [
-    ("planar_2dof/line", "gjm"), ("spatial_6dof/line", "system"), ("spatial_6dof/line", "gjm"),
-    ("RPRRPR", "system"),
+    ("planar_2dof/line", "gjm"), ("spatial_6dof/line", "system"), ("RPRRPR", "system"),
 ])  # fmt: skip
 def test_no_configuration_is_above_the_bound_and_the_value_is_attained(
     robot: str, name: str
 ) -> None:
-    if "/" in robot:
-        problem = bundled(robot)
-        model, task = problem.model, problem.task
-    else:
-        random = random_robot(np.random.default_rng(8), robot)
-        model, task = ff.FreeFloatingModel.from_urdf(random.text, random.end_effector), ff.Task.POSE
+    model, task = case(robot, 8)
     found = guaranteed_magnitude(model, task, name)
     measure = ff.singularity_measure(model, task, name)
     assert abs(measure(found.joints)) == pytest.approx(found.value, rel=1e-9)

@@ -14,16 +14,17 @@ from tests.motions import bundled
 from tests.robots import random_robot
 
 
-def case(name: str) -> tuple[ff.FreeFloatingModel, ff.Task]:
+def case(name: str, seed: int = 12) -> tuple[ff.FreeFloatingModel, ff.Task]:
+    """Of a bundled scenario, or a random robot of a structure."""
     if "/" in name:
         problem = bundled(name)
         return problem.model, problem.task
-    robot = random_robot(np.random.default_rng(12), name)
+    robot = random_robot(np.random.default_rng(seed), name)
     return ff.FreeFloatingModel.from_urdf(robot.text, robot.end_effector), ff.Task.POSE
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["ets_vii/line", "ur5_servicer/arc", "RPRRPR"])
+@pytest.mark.parametrize("name", ["ur5_servicer/arc", "RPRRPR"])
 def test_no_configuration_within_the_bound_has_the_other_sign(name: str) -> None:
     model, task = case(name)
     measure = ff.singularity_measure(model, task, "system")
