@@ -14,6 +14,13 @@ HEADING = ("--heading", "0")
 POLYNOMIAL = "polynomial: {x: [2, -3], y: [0, 0.5, 1.5], z: [0]}"
 EDITS: dict[str, tuple[str, str, str]] = {
     "unknown key": ("momentm", "momentum", "momentm"),
+    "a word for a number": ("path.polynomial.x.0", "x: [2", "x: [z"),
+    "no map": ("robot.scale_mass", "{urdf", "{scale_mass: z, urdf"),
+    "degrees": (
+        "path.attitude.fixed.rpy",
+        "follow: {axis: -y, normal: [0, 0, 1]}",
+        "fixed: {rpy: [0, 90, 45]}",
+    ),
     "missing key": ("timing.duration", ", duration: 100", ""),
     "NaN": ("momentum.2", "0.5]", ".nan]"),
     "unknown word": ("margin.measure", "measure: system", "measure: det"),
@@ -26,6 +33,8 @@ EDITS: dict[str, tuple[str, str, str]] = {
     "invalid YAML": ("file", PARABOLA, "robot: {urdf: x\n"),
 }
 """Key of the error, the passage of the scenario that is replaced, and with what, by name."""
+BEYOND = ("path.waypoints", "path.samples", "robot.urdf", "robot.end_effector")
+"""Keys of errors that are found after the file has been read: they have no line."""
 OPTIONS: dict[str, tuple[str, tuple[str, ...]]] = {
     "no attitude": ("attitude", ()),
     "attitude and heading": ("attitude", (*HEADING, "--attitude", *"0001")),
@@ -55,6 +64,8 @@ def test_keys(key: str, old: str, new: str, folder: Path) -> None:
     assert refusal["key"].startswith(key)
     assert refusal["file"] == NAME or key == "path.samples"
     assert refusal["accepted"]
+    line = PARABOLA[: PARABOLA.index(old)].count("\n") + 1
+    assert refusal["line"] in ((None,) if key in BEYOND else (line, line + 1))
 
 
 @pytest.mark.parametrize(("key", "words"), OPTIONS.values(), ids=OPTIONS)

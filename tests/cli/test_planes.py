@@ -8,9 +8,10 @@ import pytest
 
 import freefloat as ff
 from tests.commands import document, error, run
-from tests.dynamics.test_plane import TABLE
 from tests.robots import joint_text, planar_robot
 
+TABLE = [40, 4, 3], [6.667, 0.333, 0.25], [0.5, 0.5], [0.5, 0.5, 0.5]
+"""The arm 40/4/3 of Papadopoulos and Dubowsky."""
 LINE = """
 robot: {{urdf: arm.urdf, end_effector: end_effector}}
 task: planar-position

@@ -16,6 +16,7 @@ from urllib.parse import urlsplit
 
 import numpy as np
 import pytest
+from matplotlib import rc_context
 from PIL import Image, ImageSequence
 
 import freefloat as ff
@@ -196,3 +197,28 @@ def test_plan_writes_a_page_and_figures_into_a_new_folder(elsewhere: Path, monke
     assert len(scenes(elsewhere / "page.html")) == 1
     assert plan["plots"] == ["b/name.pdf", "b/name.png"]
     assert all(Path(file).stat().st_size > 500 for file in plan["plots"])
+
+
+@pytest.mark.slow
+def test_figures_of_a_motion_and_of_several_beside_each_other(
+    files: Path, elsewhere: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(figures, "figures", lambda *_, **__: {"name": new_figure()})
+    (elsewhere / "good.h5").write_bytes((files / "bad.h5").read_bytes())
+    (figure, *_) = document("view", "good.h5", "--plots", "one")["figures"]
+    assert Path(figure).parent == Path("one")
+    written = {
+        Path(name)
+        for name in document("view", files / "good.h5", "good.h5", "--plots", "two")["figures"]
+    }
+    assert all(figure.stat().st_size > 500 for figure in written)
+    assert {figure.parent.name for figure in written} == {"good", "good (2)", "two"}
+    assert Path("two/comparison.pdf") in written
+
+
+@pytest.mark.slow
+def test_figures_need_no_latex_that_the_users_own_settings_ask_for(files: Path) -> None:
+    """As a matplotlibrc of the user, or of the current folder, does."""
+    with rc_context({"text.usetex": True, "text.latex.preamble": r"\input{secret}"}):
+        drawn = document("view", files / "good.h5", "--plots", "out")["figures"]
+    assert len(drawn) > 2

@@ -72,21 +72,6 @@ def test_generalized_jacobian_is_the_derivative_of_the_pose(
         assert np.abs(seen - S[:, i]).max() < 1e-8 * (1.0 + np.abs(S).max())
 
 
-def test_tasks_are_rows_of_the_twist(spatial_6dof: ff.FreeFloatingModel) -> None:
-    """Position is the linear half of the pose; planar tasks have x, y and the rotation about z.
-
-    For pointing see test_pointing.py.
-    """
-    q = np.array([0.3, -0.4, 1.1, 0.2, 0.9, -0.5])
-    S = ff.generalized_jacobian(spatial_6dof, q)
-    np.testing.assert_array_equal(ff.generalized_jacobian(spatial_6dof, q, ff.Task.POSITION), S[:3])
-    np.testing.assert_array_equal(ff.generalized_jacobian(spatial_6dof, q, "position"), S[:3])
-    space, plane = [[0, 1, 2, 3, 4, 5], [0, 1, 2, 3, 4], [0, 1, 2]], [[0, 1, 5], [0, 1]]
-    assert [task.rows for task in ff.Task] == [*space, *plane]
-    assert [task.planar for task in ff.Task] == [False, False, False, True, True]
-    assert [task.prescribes_orientation for task in ff.Task] == [True, True, False, True, False]
-
-
 @given(data=st.data(), robot=robots(st.text("RC", min_size=6, max_size=8)), attitude=attitudes)
 def test_rates_give_the_twist_and_keep_the_momentum(
     data: st.DataObject, robot: Robot, attitude: np.ndarray

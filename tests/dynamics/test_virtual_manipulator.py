@@ -78,20 +78,6 @@ def test_strokes_of_prismatic_joints_are_reduced_by_the_mass_ratio() -> None:
     assert virtual.reach == pytest.approx(0.75 * STROKE)
 
 
-def test_published_spatial_arm_has_elbow_and_spherical_wrist(
-    spatial_6dof: ff.FreeFloatingModel,
-) -> None:
-    """Axes 4, 5, 6 meet at the barycentre of link 3, wherever the arm is."""
-    virtual = VirtualManipulator.of(spatial_6dof)
-    assert virtual.has_elbow_and_spherical_wrist
-    centre = virtual.wrist_centre
-    assert centre is not None
-    offset = virtual.pose(np.zeros(6)).position - centre
-    for wrist in ([0.7, -1.2, 2.0], [0.0, 0.3, -0.4]):
-        pose = virtual.pose([0, 0, 0, *wrist])
-        np.testing.assert_allclose(pose.position - pose.rotation @ offset, centre, atol=1e-14)
-
-
 def test_other_arms_have_no_elbow_and_spherical_wrist(
     spatial_6dof: ff.FreeFloatingModel, planar_3dof: ff.FreeFloatingModel, rng: np.random.Generator
 ) -> None:

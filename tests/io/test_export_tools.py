@@ -12,6 +12,7 @@ import yaml
 from ccsds_ndm.ndm_io import NdmIo
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
+from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from scipy.spatial.transform import Rotation
 
@@ -60,34 +61,25 @@ def test_ros_2_reads_a_goal_with_tolerances(trajectory) -> None:
     store = get_typestore(Stores.ROS2_HUMBLE)
     for name, text in GOAL.items():
         store.register(get_types_from_msg(text, name))
-    types = store.types
 
-    def duration(value):
-        return types["builtin_interfaces/msg/Duration"](**value)
+    def message(name, values):
+        """A message from nested maps and lists, which have its fields and no others."""
+        _, definitions = store.fielddefs[name]
+        fields = {}
+        for key, (kind, of) in definitions:
+            value = values[key]
+            if kind is Nodetype.NAME:
+                value = message(of, value)
+            elif kind is Nodetype.SEQUENCE:
+                (inner, part), _ = of
+                named = inner is Nodetype.NAME
+                value = [message(part, entry) for entry in value] if named else np.array(value)
+            fields[key] = value
+        assert fields.keys() == values.keys()
+        return store.types[name](**fields)
 
-    def tolerances(rows):
-        return [types["control_msgs/msg/JointTolerance"](**row) for row in rows]
-
-    points = [
-        types["trajectory_msgs/msg/JointTrajectoryPoint"](
-            **{key: np.array(point[key], dtype=float)
-               for key in ("positions", "velocities", "accelerations", "effort")},
-            time_from_start=duration(point["time_from_start"]),
-        )
-        for point in goal["trajectory"]["points"]
-    ]  # fmt: skip
-    stamp = types["builtin_interfaces/msg/Time"](**goal["trajectory"]["header"]["stamp"])
-    header = types["std_msgs/msg/Header"](stamp, goal["trajectory"]["header"]["frame_id"])
-    message = types["control_msgs/msg/FollowJointTrajectoryGoal"](
-        trajectory=types["trajectory_msgs/msg/JointTrajectory"](
-            header, goal["trajectory"]["joint_names"], points
-        ),
-        path_tolerance=tolerances(goal["path_tolerance"]),
-        goal_tolerance=tolerances(goal["goal_tolerance"]),
-        goal_time_tolerance=duration(goal["goal_time_tolerance"]),
-    )
     name = "control_msgs/msg/FollowJointTrajectoryGoal"
-    read = store.deserialize_cdr(store.serialize_cdr(message, name), name)
+    read = store.deserialize_cdr(store.serialize_cdr(message(name, goal), name), name)
     assert read.trajectory.joint_names == list(trajectory.motion.model.joint_names)
     rows = [point.positions for point in read.trajectory.points]
     np.testing.assert_allclose(rows, trajectory.joints, rtol=0, atol=1e-9)

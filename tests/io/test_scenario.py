@@ -164,27 +164,6 @@ def test_limits_of_joints_are_a_number_a_map_or_the_urdfs(tmp_path: Path) -> Non
     assert rated.clearance == 0.0
 
 
-@pytest.mark.parametrize(("old", "new", "key", "line", "accepted"), [
-    ("duration: 100", "duratoin: 100", "timing.duratoin", 4, "duration"),
-    ("from: [1, 0, 0]", "from: [1, 0, x]", "path.line.from.2", 3, "number"),
-    ("task: pose", "task: poes", "task", 2, "'pose'"),
-    ("rpy: [0, 0, 0]", "rpy: [0, 90, 45]", "path.attitude.fixed.rpy", 3, ""),
-    ("urdf: spatial_6dof", "urdf: x, scale_mass: z", "robot.scale_mass", 1, "a map from link"),
-])  # fmt: skip
-def test_an_error_names_file_line_key_and_what_is_accepted(
-    old: str, new: str, key: str, line: int, accepted: str, tmp_path: Path
-) -> None:
-    text = scenario_text(f"{LINE}, {UPRIGHT}")
-    assert old in text
-    file = tmp_path / "scenario.yaml"
-    file.write_text(text.replace(old, new))
-    with pytest.raises(ff.InputError) as caught:
-        ff.load_scenario(file)
-    error = caught.value
-    assert (error.source, error.key, error.line) == (str(file), key, line)
-    assert accepted in error.accepted
-
-
 PRESENT = (
     "search: {joints: [0.3, -0.5, 1.1, 0.4, 0.9, -0.2], from_attitude: [0.1, 0.5, 0.2, -0.8367]}"
 )

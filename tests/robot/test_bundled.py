@@ -1,10 +1,11 @@
-"""The robots and scenarios that come with the package."""
+"""The robots and scenarios that come with the package, and stock robots; published numbers."""
 
 from __future__ import annotations
 
 import shutil
 import sysconfig
 from collections.abc import Iterator
+from dataclasses import replace
 from importlib.metadata import PackageNotFoundError
 from pathlib import Path
 
@@ -13,11 +14,15 @@ import pytest
 
 import freefloat as ff
 from freefloat.errors import ModelError
+from freefloat.planning.limits.keeping import keep_limits
+from freefloat.planning.motions import evaluator_for
+from freefloat.planning.path_planner import plan_attitude
 from freefloat.robot import robot_packages
 from freefloat.robot.assembly import assemble
 from freefloat.robot.bundled import bundled_scenarios, find_robot, find_scenario, models_folder
 from freefloat.robot.robot_packages import EXAMPLE, examples_folder
 from freefloat.robot.validation import read_urdf
+from freefloat.so3 import UPRIGHT
 from tests.errors import error_key
 
 
@@ -111,3 +116,44 @@ def test_without_the_package_the_message_says_how_to_get_it(
     monkeypatch.setattr(robot_packages, "distribution", _not_installed)
     monkeypatch.setattr(sysconfig, "get_path", lambda name: str(tmp_path))
     assert error_key(find_robot, f"{EXAMPLE}ur5", Path("/")) == "urdf"
+
+
+def test_the_two_real_arms_have_the_published_masses_and_lengths() -> None:
+    ets_vii, ssrms = map(ff.FreeFloatingModel.from_urdf, ("ets_vii", "ssrms"))
+    assert ets_vii.warnings == ssrms.warnings == ()
+    assert [body.mass for body in ets_vii.bodies] == [2550, 35, 22.5, 21.9, 16.5, 26, 18.5]
+    assert np.isclose(ssrms.total_mass, 1e5 + 2 * 243.66 + 4 * 105.98 + 314.88 + 279.2, rtol=1e-12)
+    straight = ets_vii.body_poses(UPRIGHT, np.zeros(6))
+    shoulder = straight[2].position
+    position = ets_vii.end_effector_pose(UPRIGHT, np.zeros(6)).position
+    assert np.isclose(np.linalg.norm(position - shoulder), np.hypot(0.87 + 0.63 + 0.53, np.hypot(
+        0.26, 0.28)), rtol=1e-12)  # fmt: skip
+    upright = ssrms.end_effector_pose(UPRIGHT, np.zeros(7)).position
+    foot = ssrms.body_poses(UPRIGHT, np.zeros(7))[0].position[2] + 2.2
+    assert np.isclose(upright[2] - foot, 2 * (1.3589 + 7.11), rtol=1e-12)
+
+
+PLANNED = ("planar_2dof/line", "ur5_servicer/inspect", "ssrms/transfer")
+"""Scenarios with limits: in the plane, with meshes, redundant. scripts/lab/verify_plans.py plans
+all of them, and docs/how-to/limits.md that of ETS-VII."""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", PLANNED)
+def test_a_scenario_plans_within_its_limits(name: str) -> None:
+    scenario = ff.load_scenario(name)
+    problem, limits = scenario.problem(), scenario.limits()
+    assert limits is not None
+    evaluator = evaluator_for(problem)
+    search = replace(scenario.search(), samples=64)
+    plan = keep_limits(evaluator, plan_attitude(evaluator, search), limits)
+    assert plan.feasible, plan.reason
+    assert plan.chosen is not None
+    assert problem.margin.keeps(plan.chosen.closest_approach.value)
+    assert plan.disagreements == ()
+    kept = {result.limit: result.kept for result in plan.limit_results}
+    assert {"joint_rate", "joint_torque", "base_rate", "clearance"} <= kept.keys()
+    assert all(kept.values())
+    wrench = next(r.base_wrench for r in plan.limit_results if r.limit == "joint_torque")
+    assert wrench is not None
+    assert wrench < 1e-6

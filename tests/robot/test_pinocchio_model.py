@@ -17,7 +17,7 @@ from freefloat.robot.robot_packages import example_robot, example_robots
 from freefloat.robot.shapes import MeshFile
 from tests.errors import error_key
 from tests.motions import bundled
-from tests.robots import pin_configuration, random_robot
+from tests.robots import pin_configuration
 
 pytestmark = pytest.mark.usefixtures("readers_here")
 Case = tuple[pin.Model, ff.FreeFloatingModel]
@@ -35,42 +35,6 @@ MJCF = """<mujoco><compiler angle="radian"/><worldbody><body name="bus"><freejoi
 <body name="hand" pos="0 0.3 0"><joint name="q3" axis="1 0 0" range="-1.5 1.5"/>
 <inertial pos="0 0 0.1" mass="2" diaginertia="0.02 0.02 0.01"/>
 </body></body></body></body></worldbody></mujoco>"""
-
-
-def by_hand(robot: ff.FreeFloatingModel, root: object = None) -> pin.Model:
-    """A model with the numbers of a robot, put together joint by joint."""
-    model = pin.Model()
-    numbers = [0 if root is None else model.addJoint(0, root, pin.SE3.Identity(), "root")]
-    for body in robot.bodies:
-        if body.parent >= 0:
-            kind = "Prismatic" if body.prismatic else "Revolute"
-            joint = getattr(pin, f"JointModel{kind}Unaligned")(body.axis)
-            placement = pin.SE3(body.placement.rotation, body.placement.position)
-            speed, effort, lower, upper = (
-                np.array([value])
-                for value in (body.rated_speed, body.rated_effort, body.lower, body.upper)
-            )
-            numbers.append(model.addJoint(
-                numbers[body.parent], joint, placement, body.joint, effort, speed, lower, upper
-            ))  # fmt: skip
-        inertia = pin.Inertia(body.mass, body.centre, body.inertia)
-        model.appendBodyToJoint(numbers[-1], inertia, pin.SE3.Identity())
-    tool = pin.SE3(robot.tool.rotation, robot.tool.position)
-    model.addFrame(pin.Frame(robot.end_effector, numbers[-1], 0, tool, pin.OP_FRAME))
-    return model
-
-
-def hand_built(root: object, chain: str, base: str = "free") -> Case:
-    robot = random_robot(np.random.default_rng(len(chain)), chain).with_frame("tool", "0.1 0.2 0")
-    file = ff.FreeFloatingModel.from_urdf(robot.text, robot.end_effector, base=base)
-    return by_hand(file, root), file
-
-
-def by_hand_in_a_plane(_: Path) -> Case:
-    file = ff.FreeFloatingModel.from_urdf("planar_2dof")
-    model = by_hand(file, FREE)
-    model.name = file.description.name
-    return model, file
 
 
 def from_text(name: str, *root: object, base: str = "free") -> Case:
@@ -98,10 +62,7 @@ def from_mjcf(folder: Path) -> Case:
 
 
 CASES: dict[str, Callable[[Path], Case]] = {
-    "by hand": lambda _: hand_built(FREE, "RPRCRR"),
-    "by hand, planar": lambda _: hand_built(PLANAR, "RRPR", "planar"),
-    "by hand, no root": lambda _: hand_built(None, "CRRFRPR"),
-    "by hand, arm in a plane": by_hand_in_a_plane,
+    "URDF": lambda _: from_text("planar_2dof", FREE),
     "URDF, planar": lambda _: from_text("planar_3dof", PLANAR, base="planar"),
     "URDF, no root": lambda _: from_text("ssrms"),
     "MJCF": from_mjcf,
@@ -133,7 +94,7 @@ def test_a_model_is_the_robot_of_its_file(name: str, tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_plans_are_those_of_the_file_and_are_saved(tmp_path: Path) -> None:
-    pin_model, file = CASES["by hand, arm in a plane"](tmp_path)
+    pin_model, file = CASES["URDF"](tmp_path)
     model = ff.FreeFloatingModel.from_pinocchio(pin_model, file.end_effector)
     problem = bundled("planar_2dof/line")
     plan, expected = (ff.plan(problem.replace(model=robot, limits=None))
@@ -160,14 +121,31 @@ def arm(root: object = FREE, *joints: object) -> pin.Model:
 
 def jacobian(model: pin.Model, frame: str, joints: np.ndarray) -> np.ndarray:
     """S* of a model on a free-flyer from Pinocchio's matrices, other joints at neutral."""
-    data, q = model.createData(), pin.neutral(model)
-    q[7 : 7 + len(joints)] = joints
+    data = model.createData()
+    q = pin_configuration(model, {f"j{k}": value for k, value in enumerate(joints, start=1)})
     J = pin.computeFrameJacobian(
         model, data, q, model.getFrameId(frame), pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
     )
     A = pin.computeCentroidalMap(model, data, q)
     columns = slice(6, 6 + len(joints))
     return J[:, columns] - J[:, :6] @ np.linalg.solve(A[:, :6], A[:, columns])
+
+
+OBLIQUE = np.array([0.6, 0.0, 0.8])
+JOINTS = (
+    pin.JointModelRUBZ(), pin.JointModelRevoluteUnaligned(OBLIQUE), pin.JointModelPX(),
+    pin.JointModelPrismaticUnaligned(OBLIQUE), pin.JointModelRY(), pin.JointModelRX(),
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("root", [FREE, None])
+def test_a_model_that_is_put_together_is_that_of_pinocchios_matrices(root: object) -> None:
+    robot = ff.FreeFloatingModel.from_pinocchio(arm(root, *JOINTS), "tip")
+    assert robot.base == "free"
+    q = np.array([0.3, -0.4, 0.2, 0.5, 0.7, -0.6])
+    expected = jacobian(arm(FREE, *JOINTS), "tip", q)
+    np.testing.assert_allclose(ff.generalized_jacobian(robot, q), expected, rtol=0.0, atol=1e-12)
+    assert ff.FreeFloatingModel.from_pinocchio(arm(PLANAR, *JOINTS), "tip").base == "planar"
 
 
 def test_other_joints_off_the_arm_are_fixed_at_neutral() -> None:

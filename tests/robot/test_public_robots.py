@@ -31,6 +31,10 @@ def test_a_robot_of_spart_plans_with_its_other_arm_held(tmp_path: Path) -> None:
     (tmp_path / "s.yaml").write_text(yaml.safe_dump(SCENARIO | {"robot": robot}))
     assert document("plan", tmp_path / "s.yaml", "-o", tmp_path / "p.h5")["feasible"]
     assert run("check", tmp_path / "p.h5", "--engine", "mujoco").exit_code == 0
+    (tmp_path / "robot.urdf").unlink()
+    model = ff.load(tmp_path / "p.h5").problem.model
+    assert model.fixed_joints == held
+    assert model.bodies[0].mass == pytest.approx(118.0)
 
 
 def test_joints_without_limits_have_none() -> None:

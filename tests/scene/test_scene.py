@@ -58,18 +58,14 @@ def test_a_urdf_has_the_shapes_of_all_links_with_joints_at_zero(tmp_path):
     ] == ff.Sphere(9)
 
 
-def test_the_deviation_from_a_cone_is_an_angle():
+def test_deviations_from_cones_are_angles_and_from_cylinders_distances():
     cone = ff.Corridor([1.0, 0.0, 0.0], [0.0, 0.0, 2.0], half_angle=0.3)
     assert cone.deviation(np.array([1.0, 0.5, 0.5])) == pytest.approx(np.pi / 4.0)
     assert cone.deviation(np.array([1.0, 0.0, -0.5])) == pytest.approx(np.pi)
     assert cone.deviation(np.array([1.0, 5e-4, -5e-4])) == 0.0
-    assert cone.allowed == 0.3
-
-
-def test_the_deviation_from_a_cylinder_is_a_distance():
     cylinder = ff.Corridor([1.0, 0.0, 0.0], [0.0, 0.0, 2.0], radius=0.3)
     assert cylinder.deviation(np.array([1.0, 0.5, -7.0])) == pytest.approx(0.5)
-    assert cylinder.allowed == 0.3
+    assert cone.allowed == cylinder.allowed == 0.3
 
 
 def test_a_corridor_moves_with_its_body():

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 import freefloat as ff
 from freefloat.beyond.joint_space.singularity_map import Kind, SingularityMap
 from freefloat.dynamics.joint_space import joint_box
-from tests.errors import error_key
+from freefloat.io.hdf5 import AlteredFileError
 from tests.motions import bundled
+from tests.result_files import altered, replaced
 from tests.robots import random_robot
 
 SIGNS = {Kind.POSITIVE: 1.0, Kind.NEGATIVE: -1.0}
@@ -44,18 +47,32 @@ def test_random_configurations_do_not_contradict_certified_boxes(
     assert contradictions(found, problem.model, problem.task, 4000) == 0
 
 
-def test_fixed_and_prismatic_joints() -> None:
+@pytest.fixture(scope="module")
+def fixed() -> SingularityMap:
+    """Of an arm with prismatic joints, two joints fixed."""
     robot = random_robot(np.random.default_rng(9), "RPRRPR")
     model = ff.FreeFloatingModel.from_urdf(robot.text, robot.end_effector)
-    fixed = {model.joint_names[0]: 0.3, model.joint_names[3]: -1.0}
-    found = ff.singularity_map(model, resolution=np.radians(10.0), fixed=fixed)
-    assert found.joints == [1, 2, 4]
-    assert contradictions(found, model, "pose", 4000) == 0
+    values = {model.joint_names[0]: 0.3, model.joint_names[3]: -1.0}
+    return ff.singularity_map(model, resolution=np.radians(20.0), fixed=values)
 
 
-@pytest.mark.parametrize(
-    ("key", "changes"), [("fixed", {"fixed": {"elbow": 0.0}}), ("resolution", {"resolution": 0.0})]
-)
-def test_bad_input(key: str, changes: dict) -> None:
-    problem = bundled("planar_2dof/line")
-    assert error_key(ff.singularity_map, problem.model, problem.task, **changes) == key
+def test_fixed_and_prismatic_joints(fixed: SingularityMap) -> None:
+    assert fixed.joints == [1, 2, 4]
+    assert contradictions(fixed, fixed.model, "pose", 4000) == 0
+
+
+def with_kinds(nodes: np.ndarray) -> np.ndarray:
+    return np.where(nodes == Kind.NEGATIVE, Kind.POSITIVE, nodes).astype(np.uint8)
+
+
+@pytest.mark.parametrize("change", [
+    replaced("result/nodes", lambda nodes: nodes[:-1]),
+    replaced("result/nodes", with_kinds),
+    replaced("result/polynomial/coefficients", lambda c: 1.001 * c),
+], ids=["last", "kinds", "values"])  # fmt: skip
+def test_a_tree_that_does_not_fit_is_refused(fixed: SingularityMap, tmp_path: Path, change) -> None:
+    file = tmp_path / "map.h5"
+    ff.save(fixed, file)
+    file.write_bytes(altered(file.read_bytes(), change))
+    with pytest.raises(AlteredFileError):
+        ff.load(file)
