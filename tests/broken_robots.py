@@ -99,7 +99,6 @@ _BRACE = """
     <child link="lower"/>
   </joint>"""
 _MOMENTS = 'ixx="0.1" ixy="0" ixz="0"\n               iyy="0.9" iyz="0" izz="0.9"'
-_INERTIAL = '<origin xyz="0.5 0 0" rpy="0 0 0"/>\n      <mass value="10"/>'
 
 FAULTS = {
     "a massless root": Fault(

@@ -53,7 +53,6 @@ TIGHT = {"D": 0.02, "Dq": 0.02, "base": 0.05, "linear": 0.05, "angular": 0.2}
 
 
 def test_second_derivatives_of_every_block_are_bounded(rng):
-    """By differences, for arms of all kinds."""
     reached = dict.fromkeys(BLOCKS, 0.0)
     for chain, task in ROBOTS:
         for system, joints, c, x in states(rng, chain, task, 4):

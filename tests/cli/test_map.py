@@ -13,11 +13,6 @@ import freefloat as ff
 from tests.commands import document, error, run
 from tests.scenarios import SEARCHED
 
-KEYS = {
-    *("samples", "motions", "feasible_fraction", "motion_fraction", "best", "robust", "regions"),
-    "seconds",
-}
-
 
 @pytest.fixture(autouse=True)
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
@@ -29,10 +24,9 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.mark.slow
-def test_a_map_has_the_documented_keys_and_is_written() -> None:
+def test_a_map_is_printed_and_written() -> None:
     words = ("easy.yaml", "--nearest", "0", "0", "0", "1", "--boundary", "2")
     result = document("map", *words, "-o", "map.h5")
-    assert result.keys() >= KEYS
     assert (result["samples"], result["seed"], result["motions"]) == (64, 3, 512)
     assert result["feasible_fraction"] == result["motion_fraction"] == 1.0
     assert result["best"].keys() == {"attitude", "branch", "value"}
@@ -54,7 +48,6 @@ def test_a_map_has_the_documented_keys_and_is_written() -> None:
 def test_a_planar_map_has_regions_of_headings() -> None:
     words = ("map", "planar_3dof/parabola", "--samples", "36")
     result = document(*words)
-    assert result.keys() >= KEYS
     assert result["best"]["branch"] == 1
     assert result["robust"]["radius_deg"] == max(r["size_deg"] for r in result["regions"]) / 2.0
     assert "best: 250.000 deg, branch 1" in run(*words).stdout

@@ -17,10 +17,6 @@ from tests.scenarios import PARABOLA, SEARCHED
 SCENARIOS = SEARCHED | {"strict": PARABOLA.replace("value: 5", "value: 149")}
 MOST_LINES = 12
 """What a reader takes in at once."""
-KEYS = {
-    *("feasible", "attitude_ranges_deg", "deviation_deg", "robust_radius_deg", "reason"),
-    *("completed", "singular", "min_margin", "initial", "final", "residuals"),
-}
 
 
 @pytest.fixture(autouse=True)
@@ -33,11 +29,10 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.mark.slow
-def test_a_spatial_plan_has_the_documented_keys_and_is_written() -> None:
+def test_a_spatial_plan_is_printed_and_written() -> None:
     result = run("plan", "easy.yaml", "-o", "plan.h5")
     text, plan = result.stdout, ff.load("plan.h5").to_dict()
     assert "plan.h5 was written\n" in result.stderr
-    assert plan.keys() >= KEYS
     assert plan["feasible"] is plan["completed"] is True
     assert plan["attitude_ranges_deg"] == plan["disagreements"] == []
     assert plan["heading_deg"] is None

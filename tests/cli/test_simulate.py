@@ -15,8 +15,6 @@ import freefloat as ff
 from tests.commands import document, error, run
 from tests.scenarios import PARABOLA
 
-GOOD = ("spatial_6dof/line", "--attitude", "0.46008", "0.09337", "0.73519", "-0.48898")
-"""Tangent to the margin of Example 2 on four branches; keeps it on the others."""
 PLANAR = ("planar_3dof/parabola", "--heading", "200")
 SINGULAR = ("planar_3dof/parabola", "--heading", "140", "--branch", "0")
 LIMITS = "limits: {joint_rate: 0.5, joint_torque: 5, base_rate: 0.02, clearance: 0.01}\n"
@@ -35,25 +33,6 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (tmp_path / "limited.yaml").write_text(PARABOLA + LIMITS)
     monkeypatch.chdir(tmp_path)
     return tmp_path
-
-
-@pytest.mark.parametrize(("words", "dof"), [(PLANAR, 3), (GOOD, 6)])
-def test_the_document_has_the_documented_keys(words: tuple[str, ...], dof: int) -> None:
-    motion = simulated(*words)
-    assert motion.keys() >= {
-        *("completed", "singular", "min_margin", "initial", "final", "residuals", "branches")
-    }
-    assert (motion["completed"], motion["singular"]) == (True, None)
-    assert motion["min_margin"].keys() >= {"measure", "value", "time"}
-    for state in (motion["initial"], motion["final"]):
-        assert [len(state[key]) for key in ("attitude", "joints", "base_position")] == [4, dof, 3]
-        assert math.isclose(np.linalg.norm(state["attitude"]), 1.0, abs_tol=1e-9)
-    residuals = motion["residuals"]
-    assert max(residuals["end_effector_position"], residuals["end_effector_attitude"]) < 1e-7
-    assert residuals["momentum"] < 1e-5
-    assert len(motion["branches"]) == {3: 2, 6: 8}[dof]
-    for branch in motion["branches"]:
-        assert branch.keys() >= {"branch", "joints", "completed", "singular", "min_margin"}
 
 
 def test_a_singular_motion_has_place_and_time() -> None:

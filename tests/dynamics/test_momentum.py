@@ -23,7 +23,6 @@ def loaded(robot: Robot, **options: object) -> ff.FreeFloatingModel:
 
 
 def test_dynamic_singularity_is_not_kinematic() -> None:
-    """A free-floating planar arm is singular at elbow angles where a fixed-base arm is not."""
     table = [10, 4, 3], [0.8, 0.333, 0.25], [0.5, 0.5], [0.5, 0.5, 0.5]
     model = ff.FreeFloatingModel.from_urdf(planar_robot(*table))
 

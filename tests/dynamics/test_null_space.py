@@ -92,7 +92,6 @@ def test_rates_are_those_of_the_optimality_conditions(structure, task, number):
 @pytest.mark.slow
 @pytest.mark.parametrize("metric", [Metric.JOINTS, Metric.ENERGY])
 def test_toward_sigma_ends_farther_from_singularities(metric):
-    """The smallest singular value of S* and the manipulability are larger at the end."""
     motions = []
     for toward in (Toward.NONE, Toward.MANIPULABILITY):
         start = redundant("RRRRRR", ff.Task.POSITION, ff.Redundancy(metric, toward, 2.0), 2)

@@ -102,7 +102,6 @@ def test_configurations_point(seed, structure):
 @pytest.mark.slow
 @pytest.mark.parametrize("structure", ARMS)
 def test_ensembles_agree(structure):
-    """Compiled motions end as the precise ones."""
     start = redundant(structure, ff.Task.POINTING, None, 1)
     (case,) = both(start.problem, start.attitude[None], start.joints[None])
     case.assert_same()

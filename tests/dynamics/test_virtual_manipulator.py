@@ -58,7 +58,6 @@ def test_barycentric_lengths_are_weighted_by_the_mass_before_them(seed: int, n: 
 
 @given(data=st.data(), robot=robots())
 def test_reach_bounds_the_distance(data: st.DataObject, robot: Robot) -> None:
-    """No joint vector within its ranges takes the end-effector farther than the reach."""
     model, virtual = both(robot)
     q = np.array([data.draw(joint_values(model.dof)) for _ in range(5)])
     assert np.abs(q).max() <= STROKE

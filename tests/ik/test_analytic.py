@@ -69,7 +69,6 @@ def test_branches_of_many_poses_are_those_of_each_pose(
 def test_a_search_finds_what_brute_force_finds(
     robot: str, request: pytest.FixtureRequest, rng: np.random.Generator
 ) -> None:
-    """Another Newton's method from random starts finds no configuration that is not known."""
     model = request.getfixturevalue(robot)
     positions, rotations, _ = random_poses(model, 3, rng)
     sets = search_arm_branches(model, positions, rotations, ff.Task.POSE)

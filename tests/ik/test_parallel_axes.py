@@ -57,7 +57,6 @@ def assert_meets(model: ff.FreeFloatingModel, sets: BranchSets, p: Array, R: Arr
 def test_random_arms_have_the_branches_that_a_search_finds(
     signs: tuple[float, float], rng: np.random.Generator
 ) -> None:
-    """The same joints at the same places, on poses within reach and on others."""
     for _ in range(2):
         model = parallel_arm(rng, signs)
         virtual = VirtualManipulator.of(model)
@@ -79,7 +78,6 @@ def test_random_arms_have_the_branches_that_a_search_finds(
 def test_no_pose_is_lost_near_a_singular_one(
     ur5: ff.FreeFloatingModel, joint: int, angle: float, rng: np.random.Generator
 ) -> None:
-    """Elbow or wrist straight or nearly so: branches meet the pose, and none is missed."""
     virtual = VirtualManipulator.of(ur5)
     q = rng.uniform(-np.pi, np.pi, (12, 6))
     q[:, joint] = angle

@@ -97,7 +97,6 @@ def test_mujoco_ends_at_the_same_place_of_the_fixed_frame(name: str) -> None:
 
 
 def test_a_fixed_point_is_held() -> None:
-    """The end-effector stays where it is while the centre of mass moves on."""
     point = np.array([1.2, 0.3, 0.2])
     path = ff.EndEffectorPath(ff.paths.PolynomialCurve.line(point, point), _upright())
     timed = ff.TimedPath(path, ff.Timing(100.0), [-0.003, 0.002, 0.001])

@@ -63,7 +63,6 @@ def test_many_states_have_the_path_rates_and_forces_of_each(name: str) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["path", "joints"])
 def test_rates_and_accelerations_are_derivatives_of_the_motion(kind: str) -> None:
-    """Central differences of fourth order."""
     motion = moved(kind)
     law, T = motion.law, motion.law.timing.duration
     assert motion.final.time == pytest.approx(T)

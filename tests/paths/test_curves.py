@@ -72,7 +72,6 @@ def test_a_spline_passes_its_points_where_it_should(s):
 @pytest.mark.parametrize("name", ["spline", "spline with s"])
 @pytest.mark.parametrize("order", [0, 1, 2])
 def test_a_spline_is_twice_continuously_differentiable(name, order):
-    """At every inner knot the limits of r, r' and r'' from both sides agree (C2)."""
     spline, h = CURVES[name], 1e-6
     for knot in spline.knots[1:-1]:
         jump = spline(knot + h, order) - spline(knot - h, order)

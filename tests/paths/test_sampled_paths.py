@@ -110,7 +110,6 @@ def test_recorded_paths_are_integrated_as_precisely_as_others(kind: str, count: 
 
 @pytest.mark.parametrize("backwards", [False, True])
 def test_panels_end_where_the_path_is_not_smooth(backwards: bool) -> None:
-    """At every break, of path and time law, forward and back."""
     problem = scenario_of("quaternions", 21).problem()
     law = ff.Timing(100.0, TimeLaw.TRAPEZOIDAL, (Stop(0.33, 40.0),))
     problem = replace(problem, path=replace(problem.path, timing=law))

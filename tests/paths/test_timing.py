@@ -50,7 +50,6 @@ def test_every_order_is_the_derivative_of_the_one_below(timing, fraction):
 
 @given(timings())
 def test_time_never_runs_backwards_along_the_path(timing):
-    """ds/dt >= 0, so s rises from 0 to 1."""
     t = np.linspace(0.0, timing.duration, 301)
     rates = np.array([timing.s(x, 1) for x in t]) * timing.duration
     places = np.array([timing.s(x) for x in t])

@@ -48,15 +48,6 @@ ELBOW = chain_of(
 )  # fmt: skip
 
 
-@given(robot=robots())
-def test_joints_run_from_the_spacecraft_to_the_end_effector(robot: Robot) -> None:
-    """In chain order whatever their names; the second arm's joints do not count."""
-    model = ff.FreeFloatingModel.from_urdf(robot.text, robot.end_effector)
-    assert model.joint_names == robot.joints
-    assert model.dof == len(robot.joints)
-    assert [body.joint for body in model.bodies] == ["root_joint", *robot.joints]
-
-
 def test_bodies_have_ranges_axes_and_kinds() -> None:
     """Ranges come from the URDF; a continuous joint has none."""
     text = ELBOW.replace('axis xyz="0 0 1"', 'axis xyz="0 0 3"')

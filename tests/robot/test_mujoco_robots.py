@@ -366,7 +366,7 @@ def test_elements_without_names_are_listed_each(tmp_path: Path) -> None:
     tail = """<sensor><gyro site="imu"/><accelerometer name="acc" site="imu"/></sensor>
     <keyframe><key name="home"/><key/></keyframe>"""
     floor = '<geom type="plane" size="1 1 1"/>'
-    root = "".join([*SLIDES, *HINGES]).replace("/>", ' damping="1"/>')
+    root = "".join([*SLIDES, *HINGES]).replace("/>", ' armature="1"/>')
     root = re.sub(r'name="\w+"', "", root)
     file = written(tmp_path, root, more, head=HEAD[HEAD.index("<asset") :], tail=tail,
                    before=2 * floor)  # fmt: skip

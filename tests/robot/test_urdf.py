@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import pickle
 import re
 from pathlib import Path
 
@@ -11,7 +10,6 @@ import numpy as np
 import pinocchio as pin
 import pytest
 import yourdfpy
-from hypothesis import given
 from scipy.spatial.transform import Rotation
 
 import freefloat as ff
@@ -24,7 +22,7 @@ from freefloat.robot.validation import read_urdf
 from tests.broken_robots import VALID
 from tests.commands import error, run
 from tests.errors import error_key
-from tests.robots import Robot, inertial_text, joint_text, link_text, robots
+from tests.robots import inertial_text, joint_text, link_text
 
 BUS = link_text("bus", inertial_text(100.0, 10.0 * np.eye(3)))
 BALL = "<inertia ixx='1' ixy='0' ixz='0' iyy='1' iyz='0' izz='1'/>"
@@ -169,13 +167,3 @@ def test_records_agree_with_another_parser(name: str) -> None:
         if joint.type == "revolute":
             assert (joint.lower, joint.upper) == (other.limit.lower, other.limit.upper)
             assert (joint.velocity, joint.effort) == (other.limit.velocity, other.limit.effort)
-
-
-@pytest.mark.slow
-@given(robot=robots())
-def test_text_and_pickles_describe_the_same_robot(robot: Robot) -> None:
-    first = read_urdf(robot.text)
-    for again in (read_urdf(first.text), pickle.loads(pickle.dumps(first))):
-        assert again.text == first.text
-        assert repr(again.links) == repr(first.links)
-        assert repr(again.joints) == repr(first.joints)
