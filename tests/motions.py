@@ -17,7 +17,7 @@ from freefloat.ensemble.ensemble import EnsembleIntegrator
 from freefloat.ensemble.result import EnsembleResult
 from freefloat.ensemble.step_tolerances import STEP_TOLERANCE
 from freefloat.motion.motion import Motion
-from freefloat.paths import FixedOrientation, OrientationLaw, PolynomialCurve, SlerpOrientation
+from freefloat.paths import FixedOrientation, PolynomialCurve, SlerpOrientation
 from freefloat.so3 import heading_quaternion, rotation_vector_between
 
 GOOD = [0.46008, 0.09337, 0.73519, -0.48898]
@@ -86,23 +86,6 @@ def along(
 def gaps(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Largest joint differences, modulo 2 pi."""
     return np.abs((a - b + np.pi) % (2.0 * np.pi) - np.pi).max(axis=-1)
-
-
-_Y = np.array([0.0, 1.0, 0.0])
-
-
-class PitchOrientation(OrientationLaw):
-    """Pitch of the end-effector about the inertial y axis by the angle 4 a s (1 - s)."""
-
-    def __init__(self, start: np.ndarray, amplitude: float) -> None:
-        self.start, self.amplitude = start, amplitude
-
-    def rotation(self, s: float | np.ndarray) -> np.ndarray:
-        pitch = Rotation.from_rotvec(np.multiply.outer(4.0 * self.amplitude * s * (1.0 - s), _Y))
-        return pitch.as_matrix() @ self.start
-
-    def rate(self, s: float | np.ndarray) -> np.ndarray:
-        return np.multiply.outer(4.0 * self.amplitude * (1.0 - 2.0 * s), _Y)
 
 
 def virtual_jacobian(virtual: VirtualManipulator, joints: np.ndarray) -> np.ndarray:

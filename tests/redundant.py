@@ -55,8 +55,7 @@ def redundant(
         attitude = heading_quaternion(float(rng.uniform(0.0, 6.0)))
         across = np.array([1.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0])
     else:
-        robot = random_robot(rng, structure)
-        model = ff.FreeFloatingModel.from_urdf(robot.text, robot.end_effector)
+        model = random_robot(rng, structure).model()
         attitude, across = Rotation.random(rng=rng).as_quat(), (np.ones(3), np.ones(3))
     joints = rng.uniform(-1.5, 1.5, model.dof)
     pose = model.end_effector_pose(attitude, joints)

@@ -9,12 +9,14 @@ from __future__ import annotations
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.robot_packages import example_robot
 
 KINDS = {"R": "revolute", "C": "continuous", "P": "prismatic", "F": "fixed"}
@@ -39,6 +41,10 @@ class Robot:
     end_effector: str
     joints: tuple[str, ...]
     others: tuple[str, ...]
+
+    def model(self, **options: Any) -> FreeFloatingModel:
+        """The robot as freefloat reads it."""
+        return FreeFloatingModel.from_urdf(self.text, self.end_effector, **options)
 
     def with_frame(self, name: str, xyz: str, rpy: str = "0 0 0") -> Robot:
         """The same robot with one more massless frame fixed to the end-effector."""

@@ -64,7 +64,7 @@ def random_case(rng: np.random.Generator, *, both: bool = False) -> Case:
 
     robot = random_robot(rng, structure(count), structure(other), on_bus=True)
     last = f"link_{robot.others[-1].removeprefix('joint_')}"
-    model = ff.FreeFloatingModel.from_urdf(robot.text, robot.end_effector, arms={"other": last})
+    model = robot.model(arms={"other": last})
     times = np.array([0.0, *np.sort(rng.uniform(0.2, 0.8, 2)), 1.0]) * DURATION
     curve = ff.ArmCurve(np.cumsum(rng.normal(0.0, 0.4, (4, other)), axis=0), times)
     joints, attitude = rng.uniform(-2.0, 2.0, count), Rotation.random(rng=rng).as_quat()

@@ -22,8 +22,7 @@ ROBOTS = [
 
 def wandering(rng, chain, task, size):
     """Smooth joints of a random robot in two panels, which solve no equation of motion."""
-    robot = random_robot(rng, chain)
-    model = ff.FreeFloatingModel.from_urdf(robot.text, robot.end_effector)
+    model = random_robot(rng, chain).model()
     c = size * rng.normal(size=(5, model.dof)) / np.arange(1, 6)[:, None] ** 2
     c[0] = rng.uniform(-1.5, 1.5, model.dof)
     return moving(model, task, c)

@@ -10,7 +10,16 @@ import pytest
 
 import freefloat
 
-HEAVY = {"matplotlib", "meshcat", "numba", "dask", "pinocchio", "scipy", "numpy", "pydantic"}
+LOADED = "; print('\\n'.join(sys.modules))"
+HELP = "from freefloat.cli.app import app; app(['plan', '--help'], standalone_mode=False)"
+HEAVY = {"matplotlib", "meshcat", "numba", "dask", "pinocchio", "scipy", "numpy"}
+BEGINNINGS = {
+    "import freefloat": HEAVY | {"pydantic"},
+    HELP: HEAVY,
+    "import freefloat; freefloat.load_scenario('planar_2dof/line').search()":
+        {"numba", "trimesh", "yourdfpy"},
+}  # fmt: skip
+"""What is run in the beginning, and what it does not import."""
 
 
 def python(code: str, folder: Path) -> str:
@@ -22,38 +31,19 @@ def python(code: str, folder: Path) -> str:
     return done.stdout
 
 
-def test_importing_the_package_imports_nothing_heavy(tmp_path: Path) -> None:
-    loaded = python("import freefloat, sys; print('\\n'.join(sys.modules))", tmp_path)
-    assert not HEAVY & set(loaded.split())
-
-
 @pytest.mark.slow
-def test_help_imports_nothing_heavy(tmp_path: Path) -> None:
-    code = (
-        "import sys\n"
-        "from freefloat.cli.app import app\n"
-        "try: app(['plan', '--help'])\n"
-        "except SystemExit: print('\\n'.join(sys.modules))"
-    )
-    assert not (HEAVY - {"pydantic"}) & set(python(code, tmp_path).split())
-
-
-@pytest.mark.slow
-def test_a_scenario_is_read_without_kernels_and_meshes(tmp_path: Path) -> None:
-    code = (
-        "import sys, freefloat as ff\n"
-        "ff.load_scenario('planar_2dof/line').search()\n"
-        "print({'numba', 'trimesh', 'yourdfpy'}.isdisjoint(sys.modules))\n"
-        "from freefloat import *\n"
-        "print('\\n'.join(globals()))"
-    )
-    light, *names = python(code, tmp_path).split()
-    assert light == "True"
-    assert set(freefloat.__all__) <= set(names)
+@pytest.mark.parametrize(("code", "absent"), BEGINNINGS.items())
+def test_nothing_is_imported_before_it_is_needed(
+    code: str, absent: set[str], tmp_path: Path
+) -> None:
+    assert not absent & set(python(f"import sys; {code}{LOADED}", tmp_path).split())
 
 
 def test_every_public_name_can_be_imported_and_is_listed() -> None:
     assert set(freefloat.__all__) <= set(dir(freefloat))
+    names: dict[str, object] = {}
+    exec("from freefloat import *", names)
+    assert set(freefloat.__all__) <= names.keys()
     for name in freefloat.__all__:
         loaded = getattr(freefloat, name)
         assert getattr(loaded, "__module__", loaded.__name__).startswith("freefloat.")

@@ -27,7 +27,7 @@ TOUCH_POINT = np.array([0.1, 2.0, 3.3076, -2.6104, 2.2981, 1.4288])
 @given(data=st.data(), robot=robots(st.text("RCP", min_size=6, max_size=6)))
 def test_gjm_and_system_are_the_determinants_of_6_and_5(data: st.DataObject, robot: object) -> None:
     """det A = det D det S*, signs included; each from its matrix."""
-    model = ff.FreeFloatingModel.from_urdf(robot.text, robot.end_effector)
+    model = robot.model()
     q = data.draw(joint_values(6))
     S, A = ff.generalized_jacobian(model, q), system_matrix(model, q)
     D, _ = inertia_matrices(model, q)
@@ -42,7 +42,7 @@ def test_gjm_and_system_are_the_determinants_of_6_and_5(data: st.DataObject, rob
 @given(data=st.data(), robot=robots(st.text("RCP", min_size=7, max_size=8)))
 def test_redundant_gjm_is_the_volume_of_the_ellipsoid(data: st.DataObject, robot: object) -> None:
     """sqrt(det(S* S*^T)), never negative; the system's is det D times it."""
-    model = ff.FreeFloatingModel.from_urdf(robot.text, robot.end_effector)
+    model = robot.model()
     q = data.draw(joint_values(model.dof))
     S = ff.generalized_jacobian(model, q)
     size = np.prod(np.linalg.norm(S, axis=1))
@@ -70,7 +70,7 @@ def test_redundant_planar_measures_count_one_spacecraft_rate(
 @given(data=st.data(), robot=robots(st.text("RCP", min_size=6, max_size=8)))
 def test_sigma_is_the_smallest_scaled_singular_value(data: st.DataObject, robot: object) -> None:
     """Lengths in units of the reach."""
-    model = ff.FreeFloatingModel.from_urdf(robot.text, robot.end_effector)
+    model = robot.model()
     q = data.draw(joint_values(model.dof))
     reach = VirtualManipulator.of(model).reach
     row = np.array([1.0 / reach] * 3 + [1.0] * 3)
@@ -87,7 +87,7 @@ def test_measures_scale_by_their_units(structure: str, name: str, rng: np.random
     """The same robot in feet and pounds: the value changes as its unit says."""
     robot = random_robot(rng, structure)
     feet, pounds = 3.28084, 2.20462
-    metric = ff.FreeFloatingModel.from_urdf(robot.text, robot.end_effector)
+    metric = robot.model()
     text = in_units(robot.text, feet, pounds)
     imperial = ff.FreeFloatingModel.from_urdf(text, robot.end_effector)
     q = rng.uniform(-2.0, 2.0, metric.dof)

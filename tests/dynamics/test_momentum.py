@@ -18,10 +18,6 @@ from freefloat.so3 import rotation_vector_between
 from tests.robots import Robot, attitudes, joint_values, planar_robot, robots
 
 
-def loaded(robot: Robot, **options: object) -> ff.FreeFloatingModel:
-    return ff.FreeFloatingModel.from_urdf(robot.text, robot.end_effector, **options)
-
-
 def test_dynamic_singularity_is_not_kinematic() -> None:
     table = [10, 4, 3], [0.8, 0.333, 0.25], [0.5, 0.5], [0.5, 0.5, 0.5]
     model = ff.FreeFloatingModel.from_urdf(planar_robot(*table))
@@ -50,7 +46,7 @@ def test_generalized_jacobian_is_the_derivative_of_the_pose(
     data: st.DataObject, robot: Robot, attitude: np.ndarray
 ) -> None:
     """Joint steps move the end-effector by S* dq while the base keeps the momentum zero."""
-    model = loaded(robot)
+    model = robot.model()
     q = data.draw(joint_values(model.dof))
     D, Dq = inertia_matrices(model, q)
     R0, h = Rotation.from_quat(attitude), 1e-5
@@ -76,7 +72,7 @@ def test_rates_give_the_twist_and_keep_the_momentum(
     data: st.DataObject, robot: Robot, attitude: np.ndarray
 ) -> None:
     """Equation (4): A [w; dq] = [R0^T h; C^T v], also for redundant arms."""
-    model = loaded(robot)
+    model = robot.model()
     # away from singularities, where (4) has no solution
     q = data.draw(st.lists(st.floats(0.3, 1.2), min_size=model.dof, max_size=model.dof))
     rng = np.random.default_rng(len(q))

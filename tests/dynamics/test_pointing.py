@@ -63,8 +63,7 @@ def test_prescribing_the_roll_that_was_found_gives_the_same_motion(structure, se
 def test_rows_are_those_of_the_end_effector(structure):
     """The twist without its last row, and the derivative of the system matrix by differences."""
     rng = np.random.default_rng(len(structure))
-    robot = random_robot(rng, structure)
-    model = ff.FreeFloatingModel.from_urdf(robot.text, robot.end_effector)
+    model = random_robot(rng, structure).model()
     q, v = rng.uniform(-1.0, 1.0, (2, model.dof))
     A = system_matrix(model, q, ff.Task.POINTING)
     R = np.kron(np.eye(2), model.end_effector_pose([0, 0, 0, 1], q).rotation.T)

@@ -26,7 +26,7 @@ from tests.robots import (
 
 def both(robot: Robot) -> tuple[ff.FreeFloatingModel, VirtualManipulator]:
     fixed = dict.fromkeys(robot.others, 0.6)
-    model = ff.FreeFloatingModel.from_urdf(robot.text, robot.end_effector, fixed_joints=fixed)
+    model = robot.model(fixed_joints=fixed)
     return model, VirtualManipulator.of(model)
 
 

@@ -96,8 +96,7 @@ def test_signs_identify_the_branches_of_the_ur5(
 
 def test_branches_of_equal_signs_have_distinct_labels(rng: np.random.Generator) -> None:
     """A random arm: the second stands at place 8 or beyond, called b."""
-    robot = random_robot(rng, "RRRRRR")
-    model = ff.FreeFloatingModel.from_urdf(robot.text, robot.end_effector)
+    model = random_robot(rng, "RRRRRR").model()
     positions, rotations, _ = random_poses(model, 60, rng)
     sets = many_arm_branches(model, positions, rotations, ff.Task.POSE)
     assert sets.exist[:, 8:].any()

@@ -176,8 +176,7 @@ def test_newton_finds_the_configuration_a_pose_came_from(
 ) -> None:
     """Arms without a closed form; their solutions come in pairs, born where the arm is singular."""
     for _ in range(4):
-        robot = random_robot(rng, structure)
-        model = ff.FreeFloatingModel.from_urdf(robot.text, robot.end_effector)
+        model = random_robot(rng, structure).model()
         virtual = VirtualManipulator.of(model)
         q = rng.uniform(-np.pi, np.pi, model.dof)
         target = virtual.pose(q)
@@ -240,7 +239,7 @@ def test_branches_of_redundant_arms_are_reproducible_and_spread(
 ) -> None:
     """Sixteen of infinitely many, far from each other, the same at every call."""
     robot = random_robot(rng, structure)
-    model = ff.FreeFloatingModel.from_urdf(robot.text, robot.end_effector)
+    model = robot.model()
     virtual = VirtualManipulator.of(model)
     target = virtual.pose(np.full(model.dof, 0.4))
     branches = arm_branches(model, target, task)
@@ -252,7 +251,7 @@ def test_branches_of_redundant_arms_are_reproducible_and_spread(
             assert missed(virtual, target, branch.joints) < 1e-8
         others = [other for other in branches if other is not branch]
         assert not holds(joints_of(others), branch.joints, 0.1)
-    again = ff.FreeFloatingModel.from_urdf(robot.text, robot.end_effector)
+    again = robot.model()
     for branch, other in zip(branches, arm_branches(again, target, task), strict=True):
         np.testing.assert_array_equal(branch.joints, other.joints)
 

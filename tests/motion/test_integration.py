@@ -15,7 +15,6 @@ from tests.errors import error_key
 from tests.motions import (
     BAD,
     GOOD,
-    PitchOrientation,
     from_here,
     heading,
     on_side,
@@ -178,26 +177,3 @@ def test_a_singularity_passed_at_finite_rates_ends_the_motion(spatial):
     assert all(
         measure(q) * measure(PITCH) > 0.0 for q in motion.evaluate(np.arange(motion.panels))[2]
     )
-
-
-@pytest.mark.slow
-def test_a_wrist_that_just_straightens_is_distinguished_from_one_that_does_not(spatial):
-    """q5 falls to slightly below zero and rises again: singular; slightly above: completed."""
-
-    def lowest(amplitude):
-        _, motion = in_plane(spatial.model, lambda start: PitchOrientation(start, amplitude))
-        return motion, motion.evaluate(np.linspace(0, motion.panels, 4001))[2][:, 4].min()
-
-    low, high = 0.1, 0.4
-    assert lowest(low)[0].completed
-    assert lowest(high)[0].ending is Ending.SINGULAR
-    while high - low > 1e-7:
-        middle = (low + high) / 2.0
-        if lowest(middle)[0].completed:
-            low = middle
-        else:
-            high = middle
-    above, below = lowest(low), lowest(high)
-    assert 0.0 < above[1] < 2e-7
-    assert below[0].final.joints[4] == pytest.approx(0.0, abs=1e-9)
-    assert below[0].final.time > 5.0

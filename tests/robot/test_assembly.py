@@ -62,7 +62,7 @@ def joints(rng: np.random.Generator, robot: Robot) -> np.ndarray:
 def test_a_mounted_arm_is_pinocchios_own_sum_of_two_models(seed: int) -> None:
     rng = np.random.default_rng(seed)
     arm, craft = random_robot(rng, "RPR"), random_spacecraft(rng)
-    model = ff.FreeFloatingModel.from_urdf(arm.text, arm.end_effector, spacecraft=craft)
+    model = arm.model(spacecraft=craft)
     body = free_flyer(f'<robot name="b"><link name="b">'
                       f"{inertial_text(craft.mass, craft.inertia)}</link></robot>")  # fmt: skip
     fixed = pin.buildModelFromXML(arm.text)
@@ -82,8 +82,8 @@ def test_a_payload_adds_its_own_momentum(seed: int) -> None:
     """Angular momentum about the whole's centre, summed over robot and payload."""
     rng = np.random.default_rng(seed)
     arm, load = random_robot(rng, "RRPR"), random_payload(rng)
-    empty = ff.FreeFloatingModel.from_urdf(arm.text, arm.end_effector)
-    laden = ff.FreeFloatingModel.from_urdf(arm.text, arm.end_effector, payload=load)
+    empty = arm.model()
+    laden = arm.model(payload=load)
     assert np.isclose(laden.total_mass, empty.total_mass + load.mass, rtol=1e-12)
     q, v = joints(rng, arm), rng.normal(size=6 + len(arm.joints))
 

@@ -64,7 +64,7 @@ FREE = {
 
 @pytest.mark.parametrize(("base", "unused"), FREE.values(), ids=FREE)
 def test_a_free_base_is_that_of_the_robot_without_it(base: str, unused: int) -> None:
-    plain = ff.FreeFloatingModel.from_urdf(robot().text, robot().end_effector)
+    plain = robot().model()
     free = ff.FreeFloatingModel.from_urdf(within(base), robot().end_effector)
     assert repr(free.description.links) == repr(plain.description.links)
     assert free.joint_names == plain.joint_names
@@ -113,7 +113,7 @@ def test_an_arm_with_a_free_base_is_mounted_by_its_base() -> None:
 )  # fmt: skip
 def test_a_planar_base_floats_on_a_table(base: str) -> None:
     found = ff.FreeFloatingModel.from_urdf(within(base), robot().end_effector)
-    stated = ff.FreeFloatingModel.from_urdf(robot().text, robot().end_effector, base="planar")
+    stated = robot().model(base="planar")
     assert (found.base, found.joint_names) == ("planar", stated.joint_names)
     q = np.linspace(-0.5, 0.5, found.dof)
     S, expected = (ff.generalized_jacobian(model, q, "position") for model in (found, stated))
@@ -123,11 +123,11 @@ def test_a_planar_base_floats_on_a_table(base: str) -> None:
 
 
 def test_an_assembly_is_written_with_its_table(tmp_path) -> None:
-    stated = ff.FreeFloatingModel.from_urdf(robot().text, robot().end_effector, base="planar")
+    stated = robot().model(base="planar")
     written = write_urdf(stated, tmp_path / "robot.urdf")
     read = ff.FreeFloatingModel.from_urdf(written.file, robot().end_effector)
     assert (read.base, read.joint_names) == ("planar", stated.joint_names)
-    free = ff.FreeFloatingModel.from_urdf(robot().text, robot().end_effector)
+    free = robot().model()
     centre = -free.base_position([0.0, 0.0, 0.0, 1.0], np.zeros(free.dof))
     np.testing.assert_allclose(written.centre_of_mass, centre, atol=1e-14)
 

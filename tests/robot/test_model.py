@@ -115,9 +115,7 @@ def test_joint_vectors_come_by_name_or_in_order(planar_3dof: ff.FreeFloatingMode
 def test_models_survive_pickling_and_copying(rng: np.random.Generator) -> None:
     robot = random_robot(rng, "RCPRR", "RP")
     fixed = dict(zip(robot.others, (0.3, -0.2), strict=True))
-    model = ff.FreeFloatingModel.from_urdf(
-        robot.text, robot.end_effector, scale_mass={"bus": 2.0}, fixed_joints=fixed
-    )
+    model = robot.model(scale_mass={"bus": 2.0}, fixed_joints=fixed)
     q = rng.uniform(-2, 2, 5)
     expected = momentum_map(model, q)
     for copied in (pickle.loads(pickle.dumps(model)), copy.deepcopy(model), copy.copy(model)):
@@ -145,7 +143,7 @@ def test_every_link_is_where_pinocchio_puts_it(
     rng = np.random.default_rng(seed)
     fixed = {name: float(rng.uniform(-2, 2)) for name in robot.others}
     joints = rng.uniform(-2, 2, len(robot.joints))
-    model = ff.FreeFloatingModel.from_urdf(robot.text, robot.end_effector, fixed_joints=fixed)
+    model = robot.model(fixed_joints=fixed)
     whole, data = whole_robot(robot, fixed, joints)
     poses = model.body_poses(attitude, joints)
     assert len(poses) == model.dof + 1

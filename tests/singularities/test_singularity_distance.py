@@ -20,7 +20,7 @@ def case(name: str, seed: int = 12) -> tuple[ff.FreeFloatingModel, ff.Task]:
         problem = bundled(name)
         return problem.model, problem.task
     robot = random_robot(np.random.default_rng(seed), name)
-    return ff.FreeFloatingModel.from_urdf(robot.text, robot.end_effector), ff.Task.POSE
+    return robot.model(), ff.Task.POSE
 
 
 @pytest.mark.slow

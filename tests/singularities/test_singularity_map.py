@@ -50,8 +50,7 @@ def test_random_configurations_do_not_contradict_certified_boxes(
 @pytest.fixture(scope="module")
 def fixed() -> SingularityMap:
     """Of an arm with prismatic joints, two joints fixed."""
-    robot = random_robot(np.random.default_rng(9), "RPRRPR")
-    model = ff.FreeFloatingModel.from_urdf(robot.text, robot.end_effector)
+    model = random_robot(np.random.default_rng(9), "RPRRPR").model()
     values = {model.joint_names[0]: 0.3, model.joint_names[3]: -1.0}
     return ff.singularity_map(model, resolution=np.radians(20.0), fixed=values)
 

@@ -59,15 +59,14 @@ def test_values_of_the_papers_arm_are_those_of_the_matrices() -> None:
 @pytest.mark.slow
 @given(robot=robots(st.text("RP", min_size=6, max_size=6)), seed=st.integers(0, 2**32 - 1))
 def test_values_are_those_of_the_matrices_of_random_robots(robot: object, seed: int) -> None:
-    model = ff.FreeFloatingModel.from_urdf(robot.text, robot.end_effector)
+    model = robot.model()
     polynomial = SingularityPolynomial.of(model)
     assert polynomial.residual < 1e-11
     assert_values(polynomial, model, ff.Task.POSE, configurations(model, 500, seed))
 
 
 def test_values_of_redundant_arms_are_squares() -> None:
-    robot = random_robot(np.random.default_rng(3), "RRP")
-    model = ff.FreeFloatingModel.from_urdf(robot.text, robot.end_effector)
+    model = random_robot(np.random.default_rng(3), "RRP").model()
     planar, _ = of_scenario("planar_3dof/parabola")
     for arm, task in ((model, ff.Task.POSITION), (planar.model, ff.Task.PLANAR_POSITION)):
         assert_values(SingularityPolynomial.of(arm, task), arm, task, configurations(arm, 200))
@@ -76,8 +75,7 @@ def test_values_of_redundant_arms_are_squares() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize(("chain", "half"), [("RRRRRR", 0.001), ("RPRRPR", 0.1), ("RPRRPR", 1.0)])
 def test_enclosures_hold_the_values_and_are_narrow_in_small_boxes(chain: str, half: float) -> None:
-    robot = random_robot(np.random.default_rng(7), chain)
-    model = ff.FreeFloatingModel.from_urdf(robot.text, robot.end_effector)
+    model = random_robot(np.random.default_rng(7), chain).model()
     polynomial = SingularityPolynomial.of(model)
     centres = configurations(model, 200)
     halves = half * np.random.default_rng(1).uniform(0.0, 1.0, centres.shape)
