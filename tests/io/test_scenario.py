@@ -273,13 +273,10 @@ def test_a_curve_of_the_users_own_class_has_no_scenario(tmp_path: Path) -> None:
 
 
 def test_a_dictionary_is_a_scenario() -> None:
-    content: dict[str, Any] = {
-        "robot": {"urdf": "planar_2dof", "end_effector": "end_effector"},
-        "task": "planar-position",
-        "path": {"line": {"from": np.array([1.9, 0.2, 0.0]), "to": [0.5, 1.2, np.int64(0)]}},
-        "timing": {"duration": 30},
-        "margin": {"measure": "system", "value": np.float64(1e-5)},
-    }
+    content = yaml.safe_load(ff.load_scenario("planar_2dof/line").text)
+    content["robot"]["urdf"] = "planar_2dof"
+    content["path"] = {"line": {"from": np.array([1.9, 0.2, 0.0]), "to": [0.5, 1.2, np.int64(0)]}}
+    content["margin"] = {"measure": "system", "value": np.float64(1e-5)}
     problem = ff.load_scenario(content).problem()
     assert problem.margin.threshold == 1e-5
     assert problem.path.pose(0.0).position == pytest.approx([1.9, 0.2, 0.0])

@@ -10,7 +10,6 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
-import yaml
 
 import freefloat as ff
 from freefloat.beyond.formats.mjcf_file import mjcf_text
@@ -293,17 +292,12 @@ def test_written_robots_keep_sites(tmp_path: Path) -> None:
     pose = model.end_effector_pose(still, joints)
     np.testing.assert_allclose(placement.translation, pose.position, atol=1e-12)
     np.testing.assert_allclose(placement.rotation, pose.rotation, atol=1e-12)
-    start, end = pose.position.tolist(), (0.98 * pose.position).tolist()
-    scenario = {
-        "robot": {"urdf": "robot.xml", "end_effector": "tip"}, "task": "position",
-        "path": {"line": {"from": start, "to": end}}, "timing": {"duration": 60},
-        "margin": {"measure": "gjm", "value": 1e-4},
-    }  # fmt: skip
-    (tmp_path / "s.yaml").write_text(yaml.safe_dump(scenario))
-    plan = tmp_path / "p.h5"
-    assert run("simulate", tmp_path / "s.yaml", "--attitude", 0, 0, 0, 1, "-o", plan).exit_code == 0
-    assert ff.load(plan).problem.model.end_effector == "tip"
-    assert run("check", plan).exit_code == 0
+    line = ff.paths.PolynomialCurve.line(pose.position, 0.98 * pose.position)
+    problem = ff.Problem(model, path=line, duration=60, margin=("gjm", 1e-4))
+    ff.save(ff.simulate(problem, still), tmp_path / "motion.h5")
+    loaded = ff.load(tmp_path / "motion.h5")
+    assert loaded.problem.model.end_effector == "tip"
+    assert ff.check(loaded).passed
 
 
 def test_capsules_stay_capsules(tmp_path: Path) -> None:

@@ -122,10 +122,9 @@ def test_the_shape_is_the_known_element_of_the_first_geometry() -> None:
         assert [entry.element.split()[0] for entry in model.not_read] == listed
 
 
-def test_parts_of_an_assembly_are_listed_with_it(tmp_path: Path) -> None:
+def test_parts_of_an_assembly_are_listed_with_it() -> None:
     damped = with_content("shoulder", '<dynamics damping="0.5"/>')
-    (tmp_path / "tool.urdf").write_text(with_content("hand", '<intertial mass="1"/>'))
-    tool = Attachment(tmp_path / "tool.urdf", "hand", prefix="tool_")
+    tool = Attachment(with_content("hand", '<intertial mass="1"/>'), "hand", prefix="tool_")
     model = ff.FreeFloatingModel.from_urdf(damped, "hand", attached=[tool])
     elements = [entry.element for entry in model.not_read]
     assert elements == ["dynamics of joint shoulder", "intertial of link hand"]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import xml.etree.ElementTree as ET
+from dataclasses import replace
 from pathlib import Path
 
 import mujoco
@@ -15,11 +16,11 @@ from scipy.spatial.transform import Rotation
 import freefloat as ff
 from freefloat.beyond.formats.mjcf_file import robot_mjcf
 from freefloat.errors import ModelError
+from freefloat.io.formats.urdf_file import write_urdf
 from freefloat.robot.parts import Attachment
 from freefloat.robot.shapes import Capsule
 from freefloat.robot.validation import examine, read_urdf
-from tests.commands import document
-from tests.robots import Robot, numbers, pin_configuration, random_robot
+from tests.robots import Robot, inertial_text, link_text, numbers, pin_configuration, random_robot
 
 UP = [0.0, 0.0, 0.0, 1.0]
 CAPSULE = '<collision><geometry><capsule radius="0.2" length="1.5"/></geometry></collision>'
@@ -59,17 +60,14 @@ def assert_same_robot(model: ff.FreeFloatingModel, file: Path, rng: np.random.Ge
 def test_quaternions_are_read_as_pinocchio_reads_them(
     seed: int, version: str, tmp_path: Path
 ) -> None:
-    """In joints, fixed joints and inertials; and the same in the file that assemble writes."""
+    """In joints, fixed joints and inertials; and the same in files that are written."""
     rng = np.random.default_rng(seed)
     robot = random_robot(rng, "RFRRPRR").with_frame("tip", "0.1 0 0.1", "0.1 0.2 0.3")
-    text = with_quaternions(robot, rng).replace("1.1", version, 1)
-    (tmp_path / "robot.urdf").write_text(text)
-    model = ff.FreeFloatingModel.from_urdf(tmp_path / "robot.urdf", "tip")
-    assert_same_robot(model, tmp_path / "robot.urdf", rng)
-    written = tmp_path / "written.urdf"
-    section = "{urdf: robot.urdf, end_effector: tip, payload: {mass: 5, inertia: [1, 1, 1]}}"
-    (tmp_path / "parts.yaml").write_text(f"robot: {section}\n")
-    document("assemble", tmp_path / "parts.yaml", "-o", written)
+    robot = replace(robot, text=with_quaternions(robot, rng).replace("1.1", version, 1))
+    (tmp_path / "robot.urdf").write_text(robot.text)
+    assert_same_robot(robot.model(), tmp_path / "robot.urdf", rng)
+    laden = robot.model(payload=ff.Payload(5.0, [1, 1, 1]))
+    written = write_urdf(laden, tmp_path / "written.urdf").file
     assert_same_robot(ff.FreeFloatingModel.from_urdf(written, "tip"), written, rng)
 
 
@@ -123,23 +121,14 @@ def test_an_unknown_version_is_warned_of_and_not_written() -> None:
 @pytest.mark.parametrize("version", ["", 'version="1.0"', 'version="1.1"'])
 def test_a_capsule_stays_one_in_files_that_are_written(version: str, tmp_path: Path) -> None:
     """Also of a tool on an arm whose file is of an older version."""
-    rng = np.random.default_rng(3)
-    arm = random_robot(rng, "RRR")
-    (tmp_path / "arm.urdf").write_text(arm.text)
-    tool = f"<robot name='t' {version}><link name='ball'>{CAPSULE}</link></robot>"
-    (tmp_path / "tool.urdf").write_text(
-        tool.replace("</link>", "<inertial><mass value='1'/><inertia ixx='1' ixy='0' ixz='0' "
-                     "iyy='1' iyz='0' izz='1'/></inertial></link>"))  # fmt: skip
-    part = Attachment(tmp_path / "tool.urdf", arm.end_effector)
-    model = ff.FreeFloatingModel.from_urdf(tmp_path / "arm.urdf", arm.end_effector, attached=[part])
+    arm = random_robot(np.random.default_rng(3), "RRR")
+    ball = link_text("ball", inertial_text(1.0, np.eye(3)) + CAPSULE)
+    tool = Attachment(f"<robot name='t' {version}>{ball}</robot>", arm.end_effector)
+    model = arm.model(attached=[tool])
     (shape,) = model.description.links_by_name["ball"].collisions
     assert shape.geometry == Capsule(0.2, 1.5)
     assert len(model.warnings) == (0 if "1.1" in version else 1)
-    attached = f"attached: [{{urdf: tool.urdf, link: {arm.end_effector}}}]"
-    section = f"{{urdf: arm.urdf, end_effector: {arm.end_effector}, {attached}}}"
-    (tmp_path / "parts.yaml").write_text(f"robot: {section}\n")
-    document("assemble", tmp_path / "parts.yaml", "-o", tmp_path / "out.urdf")
-    text = (tmp_path / "out.urdf").read_text()
+    text = write_urdf(model, tmp_path / "out.urdf").file.read_text()
     theirs = pin.buildGeomFromUrdfString(pin.buildModelFromXML(text), text, pin.COLLISION)
     (capsule,) = [entry.geometry for entry in theirs.geometryObjects]
     assert (capsule.radius, capsule.halfLength) == (0.2, 0.75)
