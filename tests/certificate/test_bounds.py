@@ -107,7 +107,7 @@ def test_neighbourhoods_are_exact_where_the_matrix_shrinks_evenly(half):
 @pytest.mark.parametrize("order", [1, 2])
 def test_the_second_derivative_of_the_arm_is_bounded(spatial, order):
     """By differences, over all angles: of joints that move evenly, and that begin to move."""
-    c, h, value = np.zeros((3, 6)), 1e-3, _measure_of(spatial, "arm")
+    c, h, value = np.zeros((3, 6)), 1e-3, ff.singularity_measure(spatial.model, spatial.task, "arm")
     c[order, 1:3] = 0.01, 0.02
     largest = 0.0
     for q2, q3 in np.random.default_rng(1).uniform(-np.pi, np.pi, (200, 2)):
@@ -130,11 +130,7 @@ def proven(motion, names):
 
 
 def _measure(motion, name):
-    return _measure_of(motion.problem, name)
-
-
-def _measure_of(problem, name):
-    return ff.singularity_measure(problem.model, problem.task, name)
+    return ff.singularity_measure(motion.problem.model, motion.problem.task, name)
 
 
 def assert_holds(motion, bounds):

@@ -55,18 +55,6 @@ def test_redundant_gjm_is_the_volume_of_the_ellipsoid(data: st.DataObject, robot
     assert system == pytest.approx(np.linalg.det(D) * gjm, rel=1e-12)
 
 
-def test_redundant_planar_measures_count_one_spacecraft_rate(
-    planar_3dof: ff.FreeFloatingModel,
-) -> None:
-    """Three joints for a position: D is the single moment about z."""
-    q = np.array([0.4, -1.0, 0.8])
-    S = ff.generalized_jacobian(planar_3dof, q, ff.Task.PLANAR_POSITION)
-    gjm = ff.singularity_measure(planar_3dof, ff.Task.PLANAR_POSITION, "gjm")(q)
-    system = ff.singularity_measure(planar_3dof, ff.Task.PLANAR_POSITION, "system")(q)
-    assert gjm == pytest.approx(np.sqrt(np.linalg.det(S @ S.T)), rel=1e-12)
-    assert system == pytest.approx(inertia_matrices(planar_3dof, q)[0][2, 2] * gjm, rel=1e-12)
-
-
 @given(data=st.data(), robot=robots(st.text("RCP", min_size=6, max_size=8)))
 def test_sigma_is_the_smallest_scaled_singular_value(data: st.DataObject, robot: object) -> None:
     """Lengths in units of the reach."""

@@ -117,7 +117,7 @@ def test_included_files_are_found_from_the_file(include: str, mass: float, works
     assert ff.FreeFloatingModel.from_urdf(file).total_mass == mass + 18.0
 
 
-@pytest.mark.slow
+@pytest.mark.usefixtures("readers_here")
 def test_packages_are_named(workspace, tmp_path: Path) -> None:
     file = workspace('<xacro:include filename="$(find other)/part.xacro"/>')
     assert error("info", file)["key"] == "urdf"

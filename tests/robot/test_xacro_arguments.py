@@ -27,12 +27,18 @@ HEAD = (
 
 
 @pytest.fixture
-def robot(tmp_path: Path) -> Path:
+def file(tmp_path: Path) -> Path:
     """A file with an argument without default, which includes one with two more."""
     (tmp_path / "more.xacro").write_text(INCLUDED)
     text = ROBOTS["no limits"].replace('"100.0"', '"${m}"').replace('name="SC_2DoF">', HEAD)
     (tmp_path / "arm.urdf.xacro").write_text(text)
     return tmp_path / "arm.urdf.xacro"
+
+
+@pytest.fixture
+def robot(file: Path, readers_here: None) -> Path:
+    """The same file, read without processes."""
+    return file
 
 
 def test_arguments_are_given_and_shown(robot: Path) -> None:
@@ -121,7 +127,7 @@ RELEASES = {
 
 @pytest.mark.parametrize("name", RELEASES)
 def test_releases_that_cannot_be_confined_are_refused(
-    name: str, robot: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    name: str, file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     spec = find_spec("xacro")
     assert spec is not None
@@ -129,12 +135,12 @@ def test_releases_that_cannot_be_confined_are_refused(
     library = tmp_path / "library"
     shutil.copytree(Path(spec.origin).parent, library / "xacro")
     module, before, after = RELEASES[name]
-    file = library / "xacro" / module
-    text = file.read_text()
+    part = library / "xacro" / module
+    text = part.read_text()
     assert before in text
-    file.write_text(text.replace(before, after))
+    part.write_text(text.replace(before, after))
     monkeypatch.syspath_prepend(library)  # where the reader's process looks first, too
-    source = ff.RobotSource(robot, arguments={"mass": 1})
+    source = ff.RobotSource(file, arguments={"mass": 1})
     assert error_key(ff.FreeFloatingModel.from_urdf, source) == "xacro"
 
 
