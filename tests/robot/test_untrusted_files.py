@@ -43,33 +43,21 @@ FILES = {
 }  # fmt: skip
 
 
-@pytest.fixture
-def refused(tmp_path: Path):
-    """Assert that the text of a xacro file is refused."""
+INCLUDE = '<xacro:include filename="block.xacro" ns="n"/>'
+REFUSED = {
+    **{name: XACRO.format(f"{INCLUDE}<link name={quoteattr(f'${{{expression}}}')}/>")
+       for name, expression in ATTACKS.items()},
+    **{name: XACRO.format(content) for name, content in FILES.items()},
+    "an entity": '<!DOCTYPE r [<!ENTITY a "b">]>' + XACRO.format('<link name="&a;"/>'),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("text", REFUSED.values(), ids=REFUSED)
+def test_files_reach_neither_python_nor_other_files(text: str, tmp_path: Path) -> None:
     (tmp_path / "tag.yaml").write_text("!!python/object/apply:os.getcwd []")
     (tmp_path / "block.xacro").write_text(XACRO.format(BLOCK))
-    file = tmp_path / "a.xacro"
-
-    def check(text: str) -> None:
-        file.write_text(text)
-        assert error_key(read, str(file), {}) == "urdf"
-
-    return check
-
-
-@pytest.mark.parametrize("expression", ATTACKS.values(), ids=ATTACKS)
-def test_expressions_do_not_reach_python(expression: str, refused) -> None:
-    include = '<xacro:include filename="block.xacro" ns="n"/>'
-    refused(XACRO.format(f"{include}<link name={quoteattr(f'${{{expression}}}')}/>"))
-
-
-@pytest.mark.parametrize("content", FILES.values(), ids=FILES)
-def test_no_part_of_a_file_is_evaluated_otherwise(content: str, refused) -> None:
-    refused(XACRO.format(content))
-
-
-def test_entities_are_refused(refused) -> None:
-    refused('<!DOCTYPE r [<!ENTITY a "b">]>' + XACRO.format('<link name="&a;"/>'))
+    (tmp_path / "a.xacro").write_text(text)
+    assert error_key(read, str(tmp_path / "a.xacro"), {}) == "urdf"
 
 
 def test_what_robots_need_is_evaluated(tmp_path: Path) -> None:
