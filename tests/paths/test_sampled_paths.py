@@ -16,28 +16,12 @@ from scipy.spatial.transform import Rotation
 
 import freefloat as ff
 from freefloat.certificate.certificate import certify
-from freefloat.io.scenario.scenario import Scenario, parse_scenario
 from freefloat.motion.motion import DEGREE
 from freefloat.paths import Stop, TimeLaw
+from freefloat.paths.samples import parse_samples
 from freefloat.verification.comparisons import certificate_checks
 from tests.errors import error_key
-from tests.motions import compiled_motion, first_motion
-
-FIXED = "attitude: {fixed: {axes: {x: [0.4683, 1.1683, -0.7], z: [1.5, -0.8, -0.33]}}}"
-
-
-def text(robot: str, task: str, margin: str, attitude: str = "") -> str:
-    return f"""\
-robot: {{urdf: {robot}, end_effector: end_effector}}
-task: {task}
-momentum: [0, 0, 0.5]
-path:
-  samples: path.csv
-  {attitude}
-timing: {{duration: 100}}
-margin: {{{margin}}}
-search: {{samples: 16}}
-"""
+from tests.motions import bundled, compiled_motion, first_motion
 
 
 def recorded(points: np.ndarray, decimals: int, rotations: Rotation | None = None) -> str:
@@ -68,26 +52,23 @@ def parabola(count: int) -> tuple[np.ndarray, Rotation]:
     return points, Rotation.from_rotvec(headings[:, None] * [0.0, 0.0, 1.0])
 
 
-def scenario_of(kind: str, count: int) -> Scenario:
-    """A robot, a task and a recorded path for it."""
-    arm, (points, rotations) = "measure: arm, value: 5", parabola(count)
-    written, samples = {
+def problem_of(kind: str, count: int) -> ff.Problem:
+    """A robot that follows a recorded path."""
+    points, headings = parabola(count)
+    robot, task, margin, samples = {
         "quaternions": (
-            text("spatial_6dof", "pose", arm), recorded(arch(count), 3, nodding(count))
-        ),
-        "planar": (
-            text("planar_3dof", "planar-position", "measure: gjm, value: 1e-3"),
-            recorded(points, 3),
-        ),
+            "spatial_6dof", "pose", ("arm", 5.0), recorded(arch(count), 3, nodding(count))),
+        "planar": ("planar_3dof", "planar-position", ("gjm", 1e-3), recorded(points, 3)),
         "planar, quaternions": (
-            text("planar_3dof", "planar-pose", "measure: system, value: 5"),
-            recorded(points, 3, rotations),
-        ),
-        "noise": (
-            text("spatial_6dof", "pose", arm, FIXED), recorded(arch(count, 1e-3), 6)
-        ),
+            "planar_3dof", "planar-pose", ("system", 5.0), recorded(points, 3, headings)),
+        "noise": ("spatial_6dof", "pose", ("arm", 5.0), recorded(arch(count, 1e-3), 6)),
     }[kind]  # fmt: skip
-    return parse_scenario(written, Path("scenario.yaml"), {"path.csv": samples})
+    curve, orientation = parse_samples(samples, Path("path.csv"))
+    if kind == "noise":
+        orientation = bundled("spatial_6dof/line").path.path.orientation
+    path = ff.EndEffectorPath(curve, *([] if orientation is None else [orientation]))
+    h = [0.0, 0.0, 0.5]
+    return ff.Problem(robot, path=path, duration=100.0, task=task, momentum=h, margin=margin)
 
 
 @pytest.mark.slow
@@ -96,7 +77,7 @@ def scenario_of(kind: str, count: int) -> Scenario:
     [("quaternions", 41), ("planar", 41), ("planar, quaternions", 31), ("noise", 40)],
 )
 def test_recorded_paths_are_integrated_as_precisely_as_others(kind: str, count: int) -> None:
-    motion = first_motion(scenario_of(kind, count).problem())
+    motion = first_motion(problem_of(kind, count))
     for check in certificate_checks(certify(motion), motion, False):
         if check.unit and check.allowed and check.name != "singular end":
             assert check.recomputed < (0.2 if "again" in check.name else 0.05) * check.allowed, (
@@ -110,7 +91,7 @@ def test_recorded_paths_are_integrated_as_precisely_as_others(kind: str, count: 
 
 @pytest.mark.parametrize("backwards", [False, True])
 def test_panels_end_where_the_path_is_not_smooth(backwards: bool) -> None:
-    problem = scenario_of("quaternions", 21).problem()
+    problem = problem_of("quaternions", 21)
     law = ff.Timing(100.0, TimeLaw.TRAPEZOIDAL, (Stop(0.33, 40.0),))
     problem = replace(problem, path=replace(problem.path, timing=law))
     motion = first_motion(problem)
