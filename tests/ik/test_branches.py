@@ -256,6 +256,20 @@ def test_branches_of_redundant_arms_are_reproducible_and_spread(
         np.testing.assert_array_equal(branch.joints, other.joints)
 
 
+def test_redundant_arms_have_configurations_within_their_ranges(rng: np.random.Generator) -> None:
+    """At most poses that are reached with joints near the ends of their ranges."""
+    robot, wide = random_robot(rng, "RRRRRRR"), 'lower="-4.0" upper="4.0"'
+    narrow = robot.text.replace(wide, wide.replace("4.0", "1.5"))
+    model = ff.FreeFloatingModel.from_urdf(narrow, robot.end_effector)
+    virtual, found = VirtualManipulator.of(model), 0
+    for q in 0.99 * 1.5 * rng.choice([-1.0, 1.0], (20, 7)):
+        joints = np.array(joints_of(arm_branches(model, virtual.pose(q), ff.Task.POSE)))
+        inside = (np.abs(joints) <= 1.5).all(axis=1)
+        assert inside.all() or not inside.any()
+        found += inside.any()
+    assert found > 12
+
+
 @given(
     q=joint_values(3),
     ranges=st.lists(

@@ -14,9 +14,6 @@ import pytest
 
 import freefloat as ff
 from freefloat.errors import ModelError
-from freefloat.planning.limits.keeping import keep_limits
-from freefloat.planning.motions import evaluator_for
-from freefloat.planning.path_planner import plan_attitude
 from freefloat.robot import robot_packages
 from freefloat.robot.assembly import assemble
 from freefloat.robot.bundled import bundled_scenarios, find_robot, find_scenario, models_folder
@@ -140,11 +137,8 @@ all of them, and docs/how-to/limits.md that of ETS-VII."""
 @pytest.mark.parametrize("name", PLANNED)
 def test_a_scenario_plans_within_its_limits(name: str) -> None:
     scenario = ff.load_scenario(name)
-    problem, limits = scenario.problem(), scenario.limits()
-    assert limits is not None
-    evaluator = evaluator_for(problem)
-    search = replace(scenario.search(), samples=64)
-    plan = keep_limits(evaluator, plan_attitude(evaluator, search), limits)
+    problem, search = scenario.problem(), replace(scenario.search(), samples=64)
+    plan = ff.plan(problem, search, scenario.limits())
     assert plan.feasible, plan.reason
     assert plan.chosen is not None
     assert problem.margin.keeps(plan.chosen.closest_approach.value)

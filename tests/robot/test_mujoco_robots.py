@@ -352,6 +352,8 @@ def test_what_is_not_used_is_listed_once(tmp_path: Path) -> None:
                            ("geom shell of body finger", '<geom name="shell"'),
                            ("actuator motor", "<motor")):  # fmt: skip
         assert begin in text[lines[element] - 1]
+    shown = run("info", file, "--end-effector", "finger").stdout
+    assert all(text in shown for text in ("springref", "gravcomp", "0 to 1 m"))
 
 
 def test_elements_without_names_are_listed_each(tmp_path: Path) -> None:
