@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import shutil
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -122,13 +121,9 @@ def test_info_prints_all_diagnostics_of_a_broken_urdf(
     assert "2 errors, 1 warning" in run("info", "arm.urdf").stderr
 
 
-@pytest.fixture(scope="module")
-def schemas() -> dict[str, Any]:
-    return document("schema")
-
-
 @pytest.mark.slow
-def test_the_schemas_accept_what_is_bundled(schemas: dict[str, Any]) -> None:
+def test_the_schemas_accept_what_is_bundled() -> None:
+    schemas = document("schema")
     for group, key in (("scenarios", "scenario"), ("studies", "study")):
         Draft202012Validator.check_schema(schemas[key])
         validator = Draft202012Validator(schemas[key])

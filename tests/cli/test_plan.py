@@ -38,9 +38,6 @@ def test_a_spatial_plan_is_printed_and_written() -> None:
     assert plan["heading_deg"] is None
     assert (plan["samples"], plan["seed"]) == (64, 3)
     assert (plan["feasible_fraction"], plan["feasible_fraction_error"]) == (1.0, 0.0)
-    assert plan["tolerance"].keys() == {
-        *("momentum", "momentum_limit", "shortest", "longest", "momentum_effort")
-    }
     assert plan["robust_radius_deg"] > 0.0
     assert plan["residuals"]["end_effector_position"] < 1e-7
     assert document("check", "plan.h5")["proved"] is True

@@ -114,11 +114,11 @@ OFF = 1e-5 * np.eye(6)[1]
 
 @pytest.mark.parametrize(("key", "off", "changes"), [
     ("joints", OFF, {}),
-    ("joints", 0.0 * OFF, {"start": 30.0}),  # the path is elsewhere
-    ("start", 0.0 * OFF, {"start": -1.0}),
-    ("end", 0.0 * OFF, {"end": np.nan}),
-    ("tolerance", 0.0 * OFF, {"tolerance": 1e-14}),
-    ("tolerance", 0.0 * OFF, {"tolerance": "1e-8"}),
+    ("joints", 0.0, {"start": 30.0}),  # the path is elsewhere
+    ("start", 0.0, {"start": -1.0}),
+    ("end", 0.0, {"end": np.nan}),
+    ("tolerance", 0.0, {"tolerance": 1e-14}),
+    ("tolerance", 0.0, {"tolerance": "1e-8"}),
 ])  # fmt: skip
 def test_what_no_motion_can_begin_with_is_refused(spatial, key, off, changes):
     attitude = spatial.attitude(GOOD)
