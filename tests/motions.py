@@ -19,6 +19,7 @@ from freefloat.ensemble.step_tolerances import STEP_TOLERANCE
 from freefloat.motion.motion import Motion
 from freefloat.paths import FixedOrientation, PolynomialCurve, SlerpOrientation
 from freefloat.so3 import heading_quaternion, rotation_vector_between
+from tests.robots import inertial_text, joint_text, link_text, numbers
 
 GOOD = [0.46008, 0.09337, 0.73519, -0.48898]
 """Example 2: attitude from which every branch completes the path."""
@@ -110,34 +111,17 @@ def chain(*joints, base=(400.0, 66.67, 0.0), tool=(0.4, 0.0, 0.0)):
 
     A joint is (type, axis, position in the previous body, mass, centre of mass, moments).
     """
-
-    def link(name, mass, centre, moments):
-        numbers = " ".join(
-            f'{k}="{v}"' for k, v in zip(("ixx", "iyy", "izz"), moments, strict=True)
-        )
-        return (
-            f'<link name="{name}"><inertial><origin xyz="{_(centre)}"/><mass value="{mass}"/>'
-            f'<inertia {numbers} ixy="0" ixz="0" iyz="0"/></inertial></link>'
-        )
-
-    def _(vector):
-        return " ".join(str(x) for x in vector)
-
     mass, moment, shift = base
-    parts = [link("link_0", mass, (shift, 0, 0), (moment, 1.2 * moment, 0.9 * moment))]
+    moments = np.diag([moment, 1.2 * moment, 0.9 * moment])
+    text = link_text("link_0", inertial_text(mass, moments, numbers((shift, 0, 0))))
     for k, (kind, axis, place, mass, centre, moments) in enumerate(joints, start=1):
-        limit = '<limit lower="-3" upper="3" effort="1" velocity="1"/>'
-        parts.append(
-            f'<joint name="q{k}" type="{kind}"><parent link="link_{k - 1}"/>'
-            f'<child link="link_{k}"/><origin xyz="{_(place)}"/><axis xyz="{_(axis)}"/>'
-            f"{limit if kind == 'prismatic' else ''}</joint>"
-        )
-        parts.append(link(f"link_{k}", mass, centre, moments))
-    parts.append(
-        f'<joint name="t" type="fixed"><parent link="link_{len(joints)}"/><child link="tool"/>'
-        f'<origin xyz="{_(tool)}"/></joint><link name="tool"/>'
-    )
-    return f'<robot name="chain">{"".join(parts)}</robot>'
+        ends = f"link_{k - 1}", f"link_{k}"
+        letter = {"continuous": "C", "prismatic": "P"}[kind]
+        options = {"axis": numbers(axis), "limits": (-3.0, 3.0)}
+        text += joint_text(f"q{k}", letter, *ends, numbers(place), **options)
+        text += link_text(ends[1], inertial_text(mass, np.diag(moments), numbers(centre)))
+    text += joint_text("t", "F", f"link_{len(joints)}", "tool", numbers(tool)) + link_text("tool")
+    return f'<robot name="chain">{text}</robot>'
 
 
 X, Y, Z = (1, 0, 0), (0, 1, 0), (0, 0, 1)

@@ -12,8 +12,8 @@ from freefloat.dynamics.generalized_jacobian import system_matrix, system_matrix
 from freefloat.dynamics.plane import Plane, plane_of
 from freefloat.dynamics.redundancy import Redundancy
 from freefloat.dynamics.resolved_rates import ResolvedRateSolver
+from tests.motions import X, Z, chain
 from tests.planes import DIRECTIONS, planar_arm, turn_to
-from tests.robots import inertial_text, joint_text, link_text
 
 
 def free_floating(text: str, joints: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -91,12 +91,9 @@ def test_directions_keep_an_arm_in_a_plane(planar_3dof: ff.FreeFloatingModel) ->
 @pytest.mark.parametrize("count", [1, 2])
 def test_arms_with_few_joints_are_told_what_they_would_need(count: int) -> None:
     """Two joints that are not parallel have no task; the error says which arms have one."""
-    text, parent = link_text("bus", inertial_text(50.0, 5.0 * np.eye(3))), "bus"
-    for number, axis in enumerate(("0 0 1", "1 0 0")[:count]):
-        text += joint_text(f"q{number}", "C", parent, f"l{number}", "0.5 0 0", axis=axis)
-        parent = f"l{number}"
-        text += link_text(parent, inertial_text(5.0, np.eye(3), "0.3 0 0"))
-    model = ff.FreeFloatingModel.from_urdf(f'<robot name="few">{text}</robot>')
+    body = (0.5, 0.0, 0.0), 5.0, (0.3, 0.0, 0.0), (1.0, 1.0, 1.0)
+    text = chain(*(("continuous", axis, *body) for axis in (Z, X)[:count]))
+    model = ff.FreeFloatingModel.from_urdf(text)
     with pytest.raises(ff.InputError) as caught:
         ff.singularity_measure(model, "position", "gjm")
     assert caught.value.key == "task"

@@ -15,17 +15,8 @@ import freefloat as ff
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.ik.branches import ArmBranch, arm_branches, search_arm_branches
 from freefloat.so3 import Pose, axes_rotation, rotation_vector_between
-from tests.motions import gaps, virtual_jacobian
-from tests.robots import (
-    inertial_text,
-    joint_text,
-    joint_values,
-    link_text,
-    numbers,
-    planar_robot,
-    random_inertia,
-    random_robot,
-)
+from tests.motions import chain, gaps, virtual_jacobian
+from tests.robots import joint_values, planar_robot, random_robot
 
 START = Pose(
     [1.0, 0, 0], axes_rotation("", ("x", [0.4683, 1.1683, -0.7]), ("z", [1.5, -0.8, -0.33]))
@@ -63,20 +54,13 @@ def elbow_arm(rng: np.random.Generator) -> ff.FreeFloatingModel:
 
     lift = direction()
     axes = [direction(), lift, lift, direction(), direction(), direction()]
-    text, parent = link_text("bus", inertial_text(200.0, random_inertia(rng, 40.0))), "bus"
+    bodies = []
     for i, axis in enumerate(axes):
         at = rng.uniform(-0.7, 0.7, 3) if i < 4 else np.zeros(3)
-        turn = rng.uniform(-3.0, 3.0, 3) if i in (0, 1, 3) else np.zeros(3)
-        centre = numbers(rng.uniform(-0.3, 0.3, 3)) if i not in (3, 4) else "0 0 0"
-        text += joint_text(f"q{i}", "C", parent, f"l{i}", numbers(at), numbers(turn), numbers(axis))
-        text += link_text(f"l{i}", inertial_text(10.0, random_inertia(rng, 1.0), centre))
-        parent = f"l{i}"
-    text += joint_text(
-        "tool", "F", parent, "tip", numbers(rng.uniform(-0.3, 0.3, 3)), "0.3 0.4 0.5"
-    )
-    return ff.FreeFloatingModel.from_urdf(
-        f"<robot name='e'>{text}{link_text('tip')}</robot>", "tip"
-    )
+        centre = rng.uniform(-0.3, 0.3, 3) if i not in (3, 4) else np.zeros(3)
+        bodies.append(("continuous", axis, at, 10.0, centre, (1.0, 1.0, 1.0)))
+    text = chain(*bodies, base=(200.0, 40.0, 0.0), tool=rng.uniform(-0.3, 0.3, 3))
+    return ff.FreeFloatingModel.from_urdf(text, "tool")
 
 
 @given(q=joint_values(6))

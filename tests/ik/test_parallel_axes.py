@@ -9,8 +9,7 @@ import freefloat as ff
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.ik.branches import BranchSets, many_arm_branches, search_arm_branches
 from freefloat.so3 import Array
-from tests.motions import gaps
-from tests.robots import inertial_text, joint_text, link_text, numbers, random_inertia
+from tests.motions import chain, gaps
 
 MEETS = 1e-8
 
@@ -20,23 +19,14 @@ def parallel_arm(rng: np.random.Generator, signs: tuple[float, float]) -> ff.Fre
     lift = rng.normal(size=3)
     lift /= np.linalg.norm(lift)
     axes = [rng.normal(size=3), lift, signs[0] * lift, signs[1] * lift, *rng.normal(size=(2, 3))]
-    text = link_text("bus", inertial_text(rng.uniform(50, 500), random_inertia(rng, 50.0)))
-    parent = "bus"
+    bodies = []
     for k, axis in enumerate(axes):
-        inertial = inertial_text(
-            rng.uniform(1.0, 20.0), random_inertia(rng, 0.5), numbers(rng.normal(0.0, 0.1, 3))
-        )
-        text += link_text(f"link_{k}", inertial)
         offset = rng.normal(0.0, 0.2, 3) + (rng.normal(0.0, 0.5, 3) if k in (2, 3) else 0.0)
-        axis = axis / np.linalg.norm(axis)
-        text += joint_text(
-            f"joint_{k}", "C", parent, f"link_{k}", numbers(offset), axis=numbers(axis)
-        )
-        parent = f"link_{k}"
-    text += link_text("tip") + joint_text(
-        "hand", "F", parent, "tip", numbers(rng.normal(0, 0.1, 3))
-    )
-    return ff.FreeFloatingModel.from_urdf(f'<robot name="parallel">{text}</robot>', "tip")
+        centre, axis = rng.normal(0.0, 0.1, 3), axis / np.linalg.norm(axis)
+        bodies.append(("continuous", axis, offset, rng.uniform(1.0, 20.0), centre, (0.5, 0.5, 0.5)))
+    base = rng.uniform(50.0, 500.0), 50.0, 0.0
+    text = chain(*bodies, base=base, tool=rng.normal(0.0, 0.1, 3))
+    return ff.FreeFloatingModel.from_urdf(text, "tool")
 
 
 def assert_the_same(closed: BranchSets, searched: BranchSets) -> None:

@@ -10,8 +10,9 @@ from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.regions.elbow_arm import elbow_arm, wrist_in_tool
 from freefloat.regions.planar_regions import point_3, two_angles
 from freefloat.regions.workspace import _general_workspace, exact_workspace
+from tests.motions import X, Z, chain
 from tests.regions.test_workspace import problem_of
-from tests.robots import inertial_text, joint_text, link_text, planar_robot
+from tests.robots import planar_robot
 
 VARIANTS = {
     "published": ("", ""),
@@ -66,22 +67,14 @@ def test_certified_areas_are_the_exact_ones_of_planar_arms() -> None:
         )
 
 
-def prismatic(limits: tuple[float, float]) -> ff.Problem:
-    """A planar arm of a revolute and a prismatic joint."""
-    inertial = inertial_text(5.0, np.eye(3))
-    text = (
-        "<robot name='r'>" + link_text("bus", inertial_text(100.0, 10.0 * np.eye(3)))
-        + link_text("boom", inertial) + link_text("rod", inertial)
-        + joint_text("revolute", "C", "bus", "boom", "0.5 0 0")
-        + joint_text("prismatic", "P", "boom", "rod", axis="1 0 0", limits=limits)
-        + "</robot>"
-    )  # fmt: skip
-    return problem_of(ff.FreeFloatingModel.from_urdf(text))
-
-
 @pytest.mark.slow
 def test_a_prismatic_joint_keeps_its_range() -> None:
-    problem = prismatic((1.0, 2.0))
+    """Of a planar arm of a revolute and a prismatic joint."""
+    body = 5.0, (0.0, 0.0, 0.0), (1.0, 1.0, 1.0)
+    joints = ("continuous", Z, (0.5, 0.0, 0.0), *body), ("prismatic", X, (0.0, 0.0, 0.0), *body)
+    text = chain(*joints, tool=(0.0, 0.0, 0.0))
+    text = text.replace('lower="-3.0" upper="3.0"', 'lower="1" upper="2"')
+    problem = problem_of(ff.FreeFloatingModel.from_urdf(text, "tool"))
     workspace = ff.workspace_regions(problem)
     radii = [np.linalg.norm(problem.model.end_effector_pose([0, 0, 0, 1], [q1, q2]).position)
              for q1 in np.linspace(0, 6.28, 60) for q2 in (1.0, 2.0)]  # fmt: skip
