@@ -14,21 +14,13 @@ from scipy.interpolate import CubicSpline
 import freefloat as ff
 from freefloat.robot.bundled import find_robot
 from freefloat.so3 import angle_between
+from tests.motions import bundled
+from tests.robots import inertial_text, joint_text, link_text, numbers
 
 WHEELS = np.array([3.0, -4.0, 2.5])
+NAMES = ["wheel_x", "wheel_y", "wheel_z"]
 AXIAL, ACROSS, MASS = 0.05, 0.03, 5.0
 """Moments of inertia of a wheel [kg m²] and its mass [kg]."""
-
-
-@pytest.fixture(scope="module")
-def problem():
-    loaded = ff.load_scenario("ets_vii/inspect").problem()
-    return replace(loaded, wheel_momentum=WHEELS)
-
-
-@pytest.fixture(scope="module")
-def motion(problem):
-    return ff.simulate(problem, [-0.01384, 0.0009, -0.0037, 0.9999]).chosen.motion
 
 
 def urdf_with_wheels(path) -> str:
@@ -40,30 +32,23 @@ def urdf_with_wheels(path) -> str:
     inertial = robot.find("link[@name='spacecraft']/inertial")
     mass, inertia = inertial.find("mass"), inertial.find("inertia")
     mass.set("value", repr(float(mass.get("value")) - 3.0 * MASS))
-    for axis, key in zip("xyz", ("ixx", "iyy", "izz"), strict=True):
+    for key in ("ixx", "iyy", "izz"):
         inertia.set(key, repr(float(inertia.get(key)) - AXIAL - 2.0 * ACROSS))
-        moments = {f"i{a}{a}": AXIAL if a == axis else ACROSS for a in "xyz"}
-        joint = ET.SubElement(robot, "joint", name=f"wheel_{axis}", type="continuous")
-        ET.SubElement(joint, "parent", link="spacecraft")
-        ET.SubElement(joint, "child", link=f"wheel_{axis}_link")
-        ET.SubElement(joint, "axis", xyz=" ".join(str(int(a == axis)) for a in "xyz"))
-        wheel = ET.SubElement(ET.SubElement(robot, "link", name=f"wheel_{axis}_link"), "inertial")
-        ET.SubElement(wheel, "mass", value=str(MASS))
-        ET.SubElement(
-            wheel, "inertia", **{k: str(v) for k, v in moments.items()}, ixy="0", ixz="0", iyz="0"
-        )
+    wheels = ""
+    for name, axis in zip(NAMES, np.eye(3), strict=True):
+        moments = np.diag(ACROSS + (AXIAL - ACROSS) * axis)
+        wheels += joint_text(name, "C", "spacecraft", f"{name}_link", axis=numbers(axis))
+        wheels += link_text(f"{name}_link", inertial_text(MASS, moments))
+    robot.extend(ET.fromstring(f"<wheels>{wheels}</wheels>"))
     return ET.tostring(robot, encoding="unicode")
 
 
-@pytest.fixture(scope="module")
-def urdf(problem) -> str:
-    return urdf_with_wheels(find_robot("ets_vii", Path()))
-
-
 @pytest.mark.slow
-def test_mujoco_with_wheels_as_bodies_ends_there(problem, motion, urdf: str) -> None:
+def test_mujoco_with_wheels_as_bodies_ends_there() -> None:
     """Servos turn the wheels at constant rates and lead the arm along the recorded joints."""
-    spec = mujoco.MjSpec.from_string(urdf)
+    problem = bundled("ets_vii/inspect").replace(wheel_momentum=WHEELS)
+    motion = ff.simulate(problem, [-0.01384, 0.0009, -0.0037, 0.9999]).chosen.motion
+    spec = mujoco.MjSpec.from_string(urdf_with_wheels(find_robot("ets_vii", Path())))
     spec.compiler.fusestatic = False
     spec.worldbody.first_body().add_freejoint()
     model = spec.compile()
@@ -71,7 +56,7 @@ def test_mujoco_with_wheels_as_bodies_ends_there(problem, motion, urdf: str) -> 
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
     model.opt.integrator = int(mujoco.mjtIntegrator.mjINT_RK4)
     data = mujoco.MjData(model)
-    names = [*problem.model.joint_names, "wheel_x", "wheel_y", "wheel_z"]
+    names = [*problem.model.joint_names, *NAMES]
     places = [int(model.joint(name).qposadr[0]) for name in names]
     rates = [int(model.joint(name).dofadr[0]) for name in names]
     times = np.linspace(0.0, problem.path.duration, 4001)

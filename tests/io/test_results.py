@@ -180,12 +180,8 @@ def restated(*keys, by):
     return replaced("document", change)
 
 
-def doubled(value):
-    return 2.0 * value
-
-
 RESTATED = {
-    "min_margin.value": restated("min_margin", "value", by=doubled),
+    "min_margin.value": restated("min_margin", "value", by=lambda value: 2.0 * value),
     "attitude_ranges_deg[0].ranges[0][1]": restated(
         "attitude_ranges_deg", 0, "ranges", 0, 1, by=lambda high: high - 1.0
     ),

@@ -97,8 +97,8 @@ def test_mujoco_ends_at_the_same_place_of_the_fixed_frame(name: str) -> None:
 
 
 def test_a_fixed_point_is_held() -> None:
-    point = np.array([1.2, 0.3, 0.2])
-    path = ff.EndEffectorPath(ff.paths.PolynomialCurve.line(point, point), _upright())
+    point, upright = np.array([1.2, 0.3, 0.2]), ff.paths.FixedOrientation(np.eye(3))
+    path = ff.EndEffectorPath(ff.paths.PolynomialCurve.line(point, point), upright)
     timed = ff.TimedPath(path, ff.Timing(100.0), [-0.003, 0.002, 0.001])
     problem = bundled(SPATIAL).replace(path=timed)
     motion = start_of(problem, STARTS[SPATIAL])
@@ -108,7 +108,3 @@ def test_a_fixed_point_is_held() -> None:
         np.testing.assert_allclose(place + state.time * timed.drift, point, atol=1e-7)
     still = ff.TimedPath(path, ff.Timing(100.0))
     assert error_key(problem.replace, path=still) == "path"
-
-
-def _upright() -> ff.paths.FixedOrientation:
-    return ff.paths.FixedOrientation(np.eye(3))

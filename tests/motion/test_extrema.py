@@ -33,11 +33,6 @@ def motions(spatial, planar, near):
     }
 
 
-@pytest.fixture(scope="module")
-def straight():
-    return prismatic_motion(prismatic_robot())
-
-
 def brute_force(motion, measure):
     """The smallest of very many samples, then of very many around it: value and time."""
     low, high, sign = 0.0, float(motion.panels), np.sign(measure(motion.joints[0]))
@@ -191,8 +186,8 @@ def test_extents_are_those_of_fine_sampling(ranged):
     assert_close(there, [extents.low, extents.high], atol=1e-12)
 
 
-def test_extents_of_a_prismatic_joint(straight):
-    extents = joint_extents(straight)
+def test_extents_of_a_prismatic_joint():
+    extents = joint_extents(prismatic_motion(prismatic_robot()))
     assert_close([extents.low[0], extents.high[0]], [1.0, 1.0 + RELATIVE], atol=1e-9)
     assert_close([extents.low[1:], extents.high[1:]], 0.0, atol=1e-9)
 

@@ -49,16 +49,12 @@ LAWS = {
 }  # fmt: skip
 
 
-@pytest.fixture(params=LAWS)
-def law(request):
-    return LAWS[request.param]
-
-
 def column(rotation, axis):
     """The direction of a named axis, minus sign included."""
     return (-1.0 if axis.startswith("-") else 1.0) * rotation[:, "xyz".index(axis[-1])]
 
 
+@pytest.mark.parametrize("law", LAWS.values(), ids=LAWS)
 def test_the_rate_is_the_angular_velocity_of_the_rotation(law):
     """dR/ds = omega x R in inertial axes, also at the ends, where the law goes on smoothly."""
     for s in PLACES:

@@ -36,18 +36,9 @@ def assembled(*args: Any, **options: Any) -> str:
     return assemble(*args, **options).text
 
 
-def random_spacecraft(rng: np.random.Generator) -> ff.Spacecraft:
-    mount = Mount(rng.uniform(-1, 1, 3), rng.uniform(-3, 3, 3))
-    return ff.Spacecraft(rng.uniform(50, 500), random_inertia(rng, 40.0), mount)
-
-
-def random_payload(rng: np.random.Generator) -> ff.Payload:
-    return ff.Payload(rng.uniform(1, 50), random_inertia(rng, 2.0), rng.uniform(-0.5, 0.5, 3))
-
-
-def mounted(spacecraft: ff.Spacecraft) -> pin.SE3:
-    rotation = Rotation.from_euler("xyz", spacecraft.mount.rpy).as_matrix()
-    return pin.SE3(rotation, np.array(spacecraft.mount.xyz))
+def place_of(mount: Mount) -> pin.SE3:
+    """By SciPy's rotations."""
+    return pin.SE3(Rotation.from_euler("xyz", mount.rpy).as_matrix(), np.array(mount.xyz, float))
 
 
 def free_flyer(text: str) -> Any:
@@ -61,12 +52,13 @@ def joints(rng: np.random.Generator, robot: Robot) -> np.ndarray:
 @given(seed=seeds)
 def test_a_mounted_arm_is_pinocchios_own_sum_of_two_models(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    arm, craft = random_robot(rng, "RPR"), random_spacecraft(rng)
+    arm, mount = random_robot(rng, "RPR"), Mount(rng.uniform(-1, 1, 3), rng.uniform(-3, 3, 3))
+    craft = ff.Spacecraft(rng.uniform(50, 500), random_inertia(rng, 40.0), mount)
     model = arm.model(spacecraft=craft)
     body = free_flyer(f'<robot name="b"><link name="b">'
                       f"{inertial_text(craft.mass, craft.inertia)}</link></robot>")  # fmt: skip
     fixed = pin.buildModelFromXML(arm.text)
-    whole = pin.appendModel(body, fixed, body.getFrameId("b"), mounted(craft))
+    whole = pin.appendModel(body, fixed, body.getFrameId("b"), place_of(mount))
     q = np.concatenate(
         [rng.uniform(-1, 1, 3), Rotation.random(rng=rng).as_quat(), joints(rng, arm)]
     )
@@ -81,9 +73,9 @@ def test_a_mounted_arm_is_pinocchios_own_sum_of_two_models(seed: int) -> None:
 def test_a_payload_adds_its_own_momentum(seed: int) -> None:
     """Angular momentum about the whole's centre, summed over robot and payload."""
     rng = np.random.default_rng(seed)
-    arm, load = random_robot(rng, "RRPR"), random_payload(rng)
-    empty = arm.model()
-    laden = arm.model(payload=load)
+    arm, com = random_robot(rng, "RRPR"), rng.uniform(-0.5, 0.5, 3)
+    load = ff.Payload(rng.uniform(1, 50), random_inertia(rng, 2.0), com)
+    empty, laden = arm.model(), arm.model(payload=load)
     assert np.isclose(laden.total_mass, empty.total_mass + load.mass, rtol=1e-12)
     q, v = joints(rng, arm), rng.normal(size=6 + len(arm.joints))
 
@@ -149,13 +141,12 @@ def test_an_attached_arm_is_pinocchios_own_sum_of_two_models(seed: int) -> None:
     first, second = random_robot(rng, "RPR"), random_robot(rng, "CR")
     mount, at = Mount(rng.uniform(-1, 1, 3), rng.uniform(-3, 3, 3)), first.joints[1]
     whole = free_flyer(assembled(first.text, attached=[Attachment(second.text, at, mount, "b_")]))
-    place = pin.SE3(Rotation.from_euler("xyz", mount.rpy).as_matrix(), np.array(mount.xyz))
     renamed = second.text.replace('name="', 'name="b_').replace('link="', 'link="b_')
     base = free_flyer(first.text)
     moved = base.frames[base.getFrameId(at)].parentJoint
     frame = next(i for i, entry in enumerate(base.frames)
                  if entry.type == pin.FrameType.BODY and entry.parentJoint == moved)  # fmt: skip
-    expected = pin.appendModel(base, pin.buildModelFromXML(renamed), frame, place)
+    expected = pin.appendModel(base, pin.buildModelFromXML(renamed), frame, place_of(mount))
     q = {name: rng.uniform(-2, 2) for name in [*whole.names][2:]}
     stance = [*rng.uniform(-1, 1, 3), *Rotation.random(rng=rng).as_quat()]
     masses = []
@@ -180,12 +171,9 @@ def test_an_empty_root_gives_way_to_what_is_joined_to_it() -> None:
     text = assembled(arm, ff.Spacecraft(65.0, CUBE, mount))
     assert "world" not in text
     model = free_flyer(text)
-    whole = pin.SE3(mount.pose.rotation, mount.pose.position)
     data = model.createData()
     pin.framesForwardKinematics(model, data, np.array([0, 0, 0, *IDENTITY, 0.0]))
     for name, xyz, rpy in (("foot", [1, 2, 3], [0.3, -0.2, 1]), ("cart", [0, 1, 0], [0, 0, 0.5])):
-        expected = whole * pin.SE3(
-            Rotation.from_euler("xyz", rpy).as_matrix(), np.array(xyz, float)
-        )
+        expected = place_of(mount) * place_of(Mount(xyz, rpy))
         frame = data.oMf[model.getFrameId(name, pin.FrameType.BODY)]
         assert np.allclose(frame.homogeneous, expected.homogeneous, rtol=0, atol=1e-14)

@@ -59,16 +59,11 @@ def test_prismatic_joints_need_a_range() -> None:
     assert error_key(ff.FreeFloatingModel.from_urdf, sliding) == "joint J1"
 
 
-@pytest.fixture
-def orbit(tmp_path: Path) -> Path:
-    file = tmp_path / "scene.xml"
-    file.write_text(scene())
-    return file
-
-
 @pytest.mark.slow
 @pytest.mark.usefixtures("readers_here")
-def test_the_chaser_of_a_scene_is_found_or_named(orbit: Path, tmp_path: Path) -> None:
+def test_the_chaser_of_a_scene_is_found_or_named(tmp_path: Path) -> None:
+    orbit = tmp_path / "scene.xml"
+    orbit.write_text(scene())
     info = document("info", orbit)
     assert (info["total_mass"], info["dof"]) == (118.0, 2)
     assert warned(info) == ["robot scene"]
