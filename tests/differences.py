@@ -1,14 +1,18 @@
-"""Derivatives by central differences."""
+"""Differences: numbers that have none, and derivatives by central ones."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from freefloat.so3 import Pose
+
+assert_close = partial(np.testing.assert_allclose, rtol=0)
+"""Numbers agree within ``atol``."""
 
 
 def slope(function: Callable[[float], Any], s: float, h: float = 1e-3) -> Any:

@@ -1,7 +1,6 @@
 """Trajectories at given times: rates, accelerations, and how times are chosen."""
 
 from dataclasses import fields
-from functools import partial
 from itertools import product
 
 import numpy as np
@@ -10,9 +9,8 @@ from scipy.spatial.transform import Rotation
 
 from freefloat.io.formats.trajectory import Trajectory, even_times, times_at_rate
 from freefloat.motion.motion import Ending
+from tests.differences import assert_close
 from tests.motions import bundled, heading, simulated
-
-assert_close = partial(np.testing.assert_allclose, rtol=0)
 
 
 @pytest.fixture(scope="module", params=["planar_3dof/parabola", "panda_servicer/line"])

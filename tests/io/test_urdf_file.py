@@ -27,10 +27,8 @@ CRAFT: dict[str, Any] = {
     "size": [1, 1, 1], "mount": {"xyz": [0.1, 0.2, 0.5], "rpy": [0.4, -0.7, 1.1]},
 }  # fmt: skip
 LOAD = {"mass": 50, "inertia": [[3, 0.1, 0], [0.1, 3, 0], [0, 0, 2]], "com": [0.1, 0, 0.4]}
-MOUNT = Mount([0.1, 0.2, 0.5], [0.4, -0.7, 1.1])
-SPACECRAFT = Spacecraft(200.0, [[35, 1, -2], [1, 30, 0.5], [-2, 0.5, 28]], MOUNT,
-                        com=[0.02, -0.03, 0.05])  # fmt: skip
-PAYLOAD = Payload(50.0, [[3, 0.1, 0], [0.1, 3, 0], [0, 0, 2]], [0.1, 0, 0.4])
+SPACECRAFT = Spacecraft(200.0, CRAFT["inertia"], Mount(**CRAFT["mount"]), com=CRAFT["com"])
+PAYLOAD = Payload(50.0, LOAD["inertia"], LOAD["com"])
 """What CRAFT and LOAD say."""
 
 

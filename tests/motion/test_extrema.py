@@ -1,7 +1,6 @@
 """Extrema along motions, compared with dense sampling and with known functions."""
 
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 import pytest
@@ -10,10 +9,10 @@ import freefloat as ff
 from freefloat.dynamics.measures import KEYS, SingularityMeasure
 from freefloat.motion.extrema import joint_extents, unwrapped
 from freefloat.motion.motion import Ending
+from tests.differences import assert_close
 from tests.motions import BAD, GOOD, bundled, heading, simulated
 from tests.prismatic import RELATIVE, prismatic_motion, prismatic_robot
 
-assert_close = partial(np.testing.assert_allclose, rtol=0)
 REVOLUTION = 2.0 * np.pi
 
 

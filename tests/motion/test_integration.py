@@ -1,7 +1,6 @@
 """Motions: their endings, their parts, their singularities, their symmetries."""
 
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 import pytest
@@ -9,10 +8,9 @@ import pytest
 import freefloat as ff
 from freefloat.motion.motion import Ending
 from freefloat.so3 import UPRIGHT, heading_of
+from tests.differences import assert_close
 from tests.errors import error_key
 from tests.motions import BAD, GOOD, from_here, heading, on_side, seven, simulated, tracking
-
-assert_close = partial(np.testing.assert_allclose, rtol=0)
 
 
 def test_a_motion_up_to_just_before_its_singularity_completes(spatial):

@@ -2,7 +2,6 @@
 
 import pickle
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 import pinocchio as pin
@@ -12,10 +11,9 @@ import freefloat as ff
 from freefloat.dynamics.momentum import end_effector_jacobian
 from freefloat.motion.law import PathLaw
 from freefloat.motion.motion import Ending
+from tests.differences import assert_close
 from tests.errors import error_key
 from tests.motions import BAD, GOOD, heading, simulated
-
-assert_close = partial(np.testing.assert_allclose, rtol=0)
 
 
 @pytest.fixture(scope="module")

@@ -10,10 +10,9 @@ import freefloat as ff
 from freefloat.beyond.joint_space.distance import distance_to_singularity
 from freefloat.singularities.singularity_polynomial import SingularityPolynomial
 from freefloat.so3 import heading_quaternion
+from tests.differences import assert_close
 from tests.errors import error_key
 from tests.motions import GOOD
-
-assert_close = partial(np.testing.assert_allclose, rtol=0)
 
 
 def lifted(model):

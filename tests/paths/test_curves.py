@@ -1,15 +1,11 @@
 """Curves: geometry known in closed form, and derivatives that are exactly the slopes."""
 
-from functools import partial
-
 import numpy as np
 import pytest
 
 from freefloat.paths import ArcCurve, PolynomialCurve, SplineCurve
-from tests.differences import slope
+from tests.differences import assert_close, slope
 from tests.errors import error_key
-
-assert_close = partial(np.testing.assert_allclose, rtol=0)
 
 POINTS = np.array([[0.0, 0.0, 0.0], [1.0, 0.5, -0.2], [1.3, 1.5, 0.4], [0.2, 2.0, 0.1], [0, 1, 1]])
 CURVES = {

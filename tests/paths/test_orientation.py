@@ -16,10 +16,8 @@ from freefloat.paths import (
     SplineCurve,
 )
 from freefloat.paths.orientation import OrientationSpline
-from tests.differences import slope
+from tests.differences import assert_close, slope
 from tests.errors import error_key
-
-assert_close = partial(np.testing.assert_allclose, rtol=0)
 
 PLACES = [0.0, 0.137, 0.31, 0.4567, 0.72, 0.951, 1.0]
 ROTATIONS = Rotation.from_quat(np.random.default_rng(3).normal(size=(6, 4)))

@@ -1,7 +1,5 @@
 """End-effector paths: pose and tangent belong together; files of samples are read with care."""
 
-from functools import partial
-
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -10,9 +8,8 @@ from scipy.spatial.transform import Rotation
 import freefloat as ff
 from freefloat.paths import ArcCurve, DirectedOrientation, SplineCurve
 from freefloat.paths.samples import parse_samples, samples_text
+from tests.differences import assert_close
 from tests.errors import error_key
-
-assert_close = partial(np.testing.assert_allclose, rtol=0)
 
 SAMPLES = """x, y, z, qx, qy, qz, qw
 0,0,0,0,0,0,1

@@ -9,10 +9,8 @@ from hypothesis import strategies as st
 
 import freefloat as ff
 from freefloat.paths import DirectedOrientation, PolynomialCurve, SlerpOrientation, Stop, TimeLaw
-from tests.differences import slope, twist_of
+from tests.differences import assert_close, slope, twist_of
 from tests.errors import error_key
-
-assert_close = partial(np.testing.assert_allclose, rtol=0)
 
 LAWS = [law for law in TimeLaw if law is not TimeLaw.UNIFORM]
 
