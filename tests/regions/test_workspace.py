@@ -115,7 +115,6 @@ def test_areas_of_an_asymmetric_arm_end_at_extrema_along_its_singularity_curves(
 
 @pytest.mark.slow
 def test_singular_configurations_fill_the_path_dependent_shells(spatial, shells, rng):
-    """All those of random lines are inside, and they leave no gap there."""
     radii = np.sort(distances(spatial, shells, singular_joints(spatial, "arm", rng, 200)))
     assert len(radii) > 250
     assert shells.path_dependent is not None
