@@ -21,7 +21,8 @@ from freefloat.robot.validation import examine, read_urdf
 from tests.broken_robots import BUS, FAULTS, VALID, Fault, link
 from tests.commands import document, run
 from tests.errors import error_key
-from tests.robots import Robot, inertial_text, joint_text, link_text, robots
+from tests.robot.test_urdf import one_joint
+from tests.robots import Robot, inertial_text, robots
 
 Diagnosis = tuple[str, int | None, str]
 
@@ -103,16 +104,12 @@ def test_inertias_of_rigid_bodies_are_accepted_in_any_frame(robot: Robot) -> Non
         assert word not in problems
 
 
-def one_joint(inertia: np.ndarray) -> str:
-    arm = link_text("arm", inertial_text(5.0, inertia)) + joint_text("q", "C", "bus", "arm")
-    return f"<robot name='r'>{link_text('bus', inertial_text(9.0, np.eye(3)))}{arm}</robot>"
-
-
 def test_the_triangle_inequality_holds_up_to_flat_plates() -> None:
     R = Rotation.from_euler("xyz", [0.4, 0.5, 0.6]).as_matrix()
     for axes in (np.eye(3), R):
-        assert elements(one_joint(axes @ np.diag([1.0, 2, 3.1]) @ axes.T)) == ["link arm"]
-        assert elements(one_joint(axes @ np.diag([1.0, 2, 3.0]) @ axes.T)) == []
+        for largest, found in ((3.1, ["link arm"]), (3.0, [])):
+            inertial = inertial_text(5.0, axes @ np.diag([1.0, 2.0, largest]) @ axes.T)
+            assert elements(one_joint(inertial)) == found
 
 
 EXPECTED = {
