@@ -128,6 +128,12 @@ FAULTS = {
     "a cycle": Fault(
         "error", "link upper", '<parent link="bus"/>', '<parent link="lower"/>',
         at='<link name="upper"'),
+    "an unknown parent": Fault(
+        "error", "joint shoulder", '<parent link="bus"/>', '<parent link="buss"/>'),
+    "a joint without a child": Fault(
+        "error", "joint tool", '<child link="hand"/>', '<child link=""/>'),
+    "a link without a name": Fault(
+        "error", "link", '<link name="hand"/>', '<link name="hand"/>\n  <link/>'),
     "a link twice": Fault(
         "error", "link bus", '<link name="hand"/>', '<link name="hand"/>\n  <link name="bus"/>'),
     "a second root": Fault(
