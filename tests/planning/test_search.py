@@ -10,8 +10,8 @@ import pytest
 import freefloat as ff
 from freefloat.attitude_grids import attitude_grid
 from freefloat.planning.candidates import SearchEffort
-from freefloat.planning.searches.adversary import confirmed_radius
 from freefloat.planning.space import climbing as attitude_search
+from freefloat.planning.space.adversary import confirmed_radius
 from freefloat.planning.space.attitude_map import AttitudeMap
 from freefloat.planning.space.choices import nearest_with_spare
 from freefloat.planning.space.climbing import nearest_feasible

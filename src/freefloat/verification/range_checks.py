@@ -25,8 +25,8 @@ from freefloat.planning.path_planner import plan_attitude
 from freefloat.planning.plan import Plan
 from freefloat.planning.plane.arcs import BranchRanges
 from freefloat.planning.plane.continuation import keeps_from_nearby
-from freefloat.planning.searches.adversary import violations
 from freefloat.planning.settings import PLAN_ATTITUDES
+from freefloat.planning.space.adversary import violations
 from freefloat.planning.space.deviations import LONGEST, NearbyAttitudes, radius_around, tolerance
 from freefloat.planning.space.mapping import sample_attitudes
 from freefloat.records import Known

@@ -13,8 +13,7 @@ from freefloat.limits.limits import Limits
 from freefloat.limits.result import LimitResult
 from freefloat.motion.motion import Motion
 from freefloat.motion.setting import Setting
-from freefloat.planning.limits.screening import screen
-from freefloat.planning.limits.trials import Trials
+from freefloat.planning.limits.trials import Trials, screen
 from freefloat.planning.margin_map import HeadingMap
 from freefloat.planning.motions import SimulatedBranch, integrate_branch
 from freefloat.planning.objective import Comparison

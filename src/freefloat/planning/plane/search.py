@@ -21,6 +21,7 @@ from freefloat.ensemble.result import EnsembleResult
 from freefloat.ik.branches import closed_form, searched_labels
 from freefloat.motion.pointing import AttitudeLimits
 from freefloat.motion.problem import Problem
+from freefloat.planning.line_search import Function, LineSamples, resolved
 from freefloat.planning.plane.arcs import (
     MARGIN,
     REACH,
@@ -31,7 +32,6 @@ from freefloat.planning.plane.arcs import (
 )
 from freefloat.planning.plane.continuation import FollowedStarts
 from freefloat.planning.plane.ranges import reach_limits
-from freefloat.planning.searches.line_search import Function, LineSamples, resolved
 from freefloat.planning.settings import SearchDomain, branch_changes
 from freefloat.regions.planar_regions import has_two_angle_form
 from freefloat.so3 import Array, BoolArray, IntArray, wrapped

@@ -22,15 +22,15 @@ from freefloat.ensemble.feasibility import FeasibilityEvaluator, is_kept, regula
 from freefloat.ensemble.result import EnsembleResult
 from freefloat.ensemble.systems import Systems
 from freefloat.planning.candidates import Ball, Candidate, SearchEffort, Tolerance
+from freefloat.planning.line_search import Function, LineSamples, resolved
 from freefloat.planning.motions import SimulatedBranch, evaluator_near
-from freefloat.planning.searches.adversary import (
+from freefloat.planning.space.adversary import (
     CAUTION,
     Regularity,
     closest,
     confirmed_radius,
     shortest_length,
 )
-from freefloat.planning.searches.line_search import Function, LineSamples, resolved
 from freefloat.planning.space.climbing import branch_numbers
 from freefloat.so3 import Array, BoolArray, IntArray, rotated, rotation_vector_to
 

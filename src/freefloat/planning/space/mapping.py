@@ -25,7 +25,7 @@ from freefloat.motion.problem import Problem, require_problem
 from freefloat.planning.candidates import BoundaryPoint
 from freefloat.planning.margin_map import HeadingMap
 from freefloat.planning.motions import evaluator_for
-from freefloat.planning.searches.pattern_search import nearest_among
+from freefloat.planning.pattern_search import nearest_among
 from freefloat.planning.settings import FEWEST_SAMPLES, HEADINGS, Search
 from freefloat.planning.space.attitude_map import AttitudeMap, find_regions
 from freefloat.planning.space.climbing import feasible_peaks, nearest_feasible

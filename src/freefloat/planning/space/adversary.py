@@ -14,9 +14,9 @@ import numpy as np
 
 from freefloat.attitude_grids import low_discrepancy, sphere_directions
 from freefloat.ensemble.feasibility import is_kept
+from freefloat.planning import pattern_search
 from freefloat.planning.candidates import SearchEffort
-from freefloat.planning.searches import pattern_search
-from freefloat.planning.searches.pattern_search import Clouds, Searches, shortened, spread
+from freefloat.planning.pattern_search import Clouds, Searches, shortened, spread
 from freefloat.so3 import Array, BoolArray, IntArray, frozen
 
 _ON_SPHERE = 0.5
