@@ -97,12 +97,12 @@ RESULT_KINDS = {
     "plan": ResultKind(
         "planning.plan:Plan", "visualization.figures.figures:plan_figures",
         "visualization.scenes.scene:plan_scene", "verification.path_motions:plan_report",
-        "studies.record_values:plan_values", "cli.plan:plan_tables",
+        "studies.run:plan_values", "cli.plan:plan_tables",
     ),
     "motion": ResultKind(
         "planning.simulation:Simulation", "visualization.figures.figures:simulation_figures",
         "visualization.scenes.scene:simulation_scene",
-        "verification.path_motions:simulation_report", "studies.record_values:simulation_values",
+        "verification.path_motions:simulation_report", "studies.run:simulation_values",
         "cli.simulate:simulation_tables",
     ),
     "goal": ResultKind(
@@ -124,12 +124,12 @@ RESULT_KINDS = {
         "planning.space.attitude_map:AttitudeMap",
         "visualization.figures.figures:attitude_map_figures",
         "visualization.scenes.map_scene:map_scene", "verification.margin_maps:map_report",
-        "studies.record_values:attitude_map_values",
+        "studies.run:map_values",
     ),
     "map": ResultKind(
         "planning.margin_map:HeadingMap", "visualization.figures.figures:heading_map_figures",
         "visualization.scenes.map_scene:heading_scene", "verification.margin_maps:map_report",
-        "studies.record_values:heading_map_values",
+        "studies.run:map_values",
     ),
     "singularity map": ResultKind(
         "beyond.joint_space.singularity_map:SingularityMap",

@@ -13,7 +13,7 @@ import pytest
 
 import freefloat as ff
 from freefloat.studies.estimate import why_run_by_run
-from freefloat.studies.record_values import record_values
+from freefloat.studies.run import record_values
 from freefloat.studies.runner import run_study
 from freefloat.studies.study import Study
 from tests.example_studies import BASE as PLANAR

@@ -21,8 +21,7 @@ from freefloat.so3 import IntArray
 from freefloat.studies.columns import FEASIBLE, INFEASIBLE, MARGIN_REASON, NUMBER, Columns, finite
 from freefloat.studies.disturbances import NO_ROWS, Chunk
 from freefloat.studies.portable import PortableStudy
-from freefloat.studies.record_values import motion_values, record_values
-from freefloat.studies.run import computed_record
+from freefloat.studies.run import computed_record, motion_values, record_values
 from freefloat.studies.study import Study
 from freefloat.studies.study_file import Command
 

@@ -6,7 +6,7 @@ from typing import Any
 
 from freefloat.beyond.missions.goals.goal_motion import GoalMotion
 from freefloat.beyond.missions.phases.manoeuvre import Manoeuvre
-from freefloat.studies.record_values import (
+from freefloat.studies.run import (
     attitude_values,
     family,
     limit_values,
