@@ -89,8 +89,8 @@ def load_robot(
     from freefloat.dynamics.summary import natural_task
     from freefloat.io.scenario.scenario import load_scenario
     from freefloat.robot import bundled
+    from freefloat.robot.bundled import DESCRIPTIONS, EXAMPLE
     from freefloat.robot.model import FreeFloatingModel
-    from freefloat.robot.robot_packages import DESCRIPTIONS, EXAMPLE
     from freefloat.robot.validation import examine
 
     if bundled.is_scenario(robot):

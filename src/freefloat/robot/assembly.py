@@ -20,8 +20,7 @@ from freefloat.robot.not_read import shown_tag
 from freefloat.robot.parts import Attachment, Mount, Payload, Spacecraft
 from freefloat.robot.source import RobotSource
 from freefloat.robot.urdf import MOMENTS, decode, rename_meshes, revised
-from freefloat.robot.urdf_attributes import MAGNITUDE, require_version, text_of
-from freefloat.robot.urdf_text import Element
+from freefloat.robot.urdf_xml import MAGNITUDE, Element, require_version, text_of
 from freefloat.robot.validation import part_warnings, read_urdf
 from freefloat.so3 import Array, Pose
 

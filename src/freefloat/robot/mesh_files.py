@@ -10,8 +10,7 @@ from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
 from freefloat.errors import InputError, one_line
-from freefloat.robot.bundled import is_file, read_text
-from freefloat.robot.robot_packages import examples_folder
+from freefloat.robot.bundled import examples_folder, is_file, read_text
 
 _PACKAGE_NAME = re.compile(r"<name>\s*([^<\s]+)\s*</name>")
 """The name in a ``package.xml`` of ROS."""

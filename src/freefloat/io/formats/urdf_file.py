@@ -25,7 +25,7 @@ from freefloat.robot.mesh_files import MeshFileError, find_mesh
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.rigid_bodies import held_value
 from freefloat.robot.urdf import rename_meshes
-from freefloat.robot.urdf_text import Element
+from freefloat.robot.urdf_xml import Element
 from freefloat.so3 import UPRIGHT, Array
 
 
