@@ -238,7 +238,7 @@ np.testing.assert_array_equal(np.loadtxt(lines[-5:]), table)
 """,
     "result view": """
 from freefloat.dynamics.momentum import mass_matrix
-from freefloat.io.formats.trajectory import Trajectory
+from freefloat.io.trajectory import Trajectory
 from freefloat.rotations import rotation_matrix
 
 problem = ff.load_scenario("spatial_6dof/line").problem()

@@ -38,7 +38,7 @@ LOADED = "tests/missions/test_manoeuvre_command.py::test_a_loaded_motion_knows_w
 ARMS = "tests/motion/test_two_arms.py::test_plans_are_saved_loaded_and_checked"
 TESTS = {
     "dynamics.momentum": "tests/dynamics/test_momentum.py tests/validation/test_planar_golden.py",
-    "io.records": "tests/io/test_results.py tests/io/test_scene_section.py "
+    "io.results": "tests/io/test_results.py tests/io/test_scene_section.py "
     f"tests/io/test_singularity_file.py {LOADED} {ARMS} {KINDS}",
     "kinds": "tests/test_result_kinds.py tests/io/test_export.py tests/studies/test_track.py",
     "limits": f"tests/limits {KINDS}",

@@ -15,7 +15,7 @@ from matplotlib.patches import Polygon
 from scipy.optimize import brentq
 
 import freefloat as ff
-from freefloat.io.formats.trajectory import Trajectory
+from freefloat.io.trajectory import Trajectory
 from freefloat.motion.motion import Motion
 from freefloat.planning.plane.arcs import BranchRanges
 from freefloat.planning.plane.ranges import find_range_limits

@@ -34,8 +34,8 @@ from .planning.settings import Search as Search
 from .planning.planner import plan as plan
 
 # The paper: files, checks and pictures
-from .io.records.results import load as load
-from .io.records.results import save as save
+from .io.results import load as load
+from .io.results import save as save
 from .verification.check import check as check
 from .visualization.figures.figures import figures as figures
 from .visualization.page.playback import playback as playback
@@ -82,7 +82,7 @@ from .beyond.missions.phases.kinds.path_phase import PathPhase as PathPhase
 from .beyond.missions.phases.manoeuvre_planner import plan_manoeuvre as plan_manoeuvre
 
 # Beyond the paper: engines and exports
-from .io.formats.export import export as export
+from .io.export import export as export
 from .beyond.engines.tracking import track as track
 
 # Beyond the paper: many runs

@@ -16,8 +16,8 @@ from scipy.io import loadmat
 
 import freefloat as ff
 from freefloat.beyond.formats.ros2 import ros2_text
-from freefloat.io.formats.trajectory import Trajectory, even_times
-from freefloat.io.formats.trajectory_tables import csv_text, json_text, write_mat
+from freefloat.io.trajectory import Trajectory, even_times
+from freefloat.io.trajectory_tables import csv_text, json_text, write_mat
 from freefloat.planning.motions import SimulatedBranch
 from freefloat.planning.simulation import Simulation
 from freefloat.so3 import heading_quaternion

@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import freefloat as ff
-from freefloat.io.formats.trajectory import Trajectory, even_times, times_at_rate
+from freefloat.io.trajectory import Trajectory, even_times, times_at_rate
 from freefloat.motion.motion import Ending
 from freefloat.so3 import heading_quaternion
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from freefloat.errors import InputError
-from freefloat.io.formats.trajectory import Trajectory
+from freefloat.io.trajectory import Trajectory
 from freefloat.limits.check import LimitChecker, check_limits
 from freefloat.limits.limits import Limits
 from freefloat.limits.result import needed_stretch

@@ -10,7 +10,7 @@ import pytest
 import freefloat as ff
 from freefloat.beyond.formats.mjcf_file import mjcf_text
 from freefloat.dynamics.momentum import mass_matrix
-from freefloat.io.formats.trajectory import Trajectory
+from freefloat.io.trajectory import Trajectory
 from tests.commands import document
 from tests.errors import error_key
 from tests.motions import bundled, first_motion

@@ -16,7 +16,7 @@ import yaml
 import freefloat as ff
 from freefloat.beyond.engines.track_runs import followed_motion
 from freefloat.beyond.formats.mjcf_file import robot_mjcf
-from freefloat.io.records.results import load
+from freefloat.io.results import load
 from freefloat.io.scenario.scenario import load_scenario
 from freefloat.planning.simulation import simulate
 from freefloat.robot.bundled import find_scenario

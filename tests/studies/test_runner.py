@@ -19,7 +19,7 @@ import pyarrow.parquet
 import pytest
 import yaml
 
-from freefloat.io.records.results import load
+from freefloat.io.results import load
 from freefloat.robot.bundled import find_scenario, models_folder
 from freefloat.studies.database import open_results
 from freefloat.studies.estimate import estimate_study

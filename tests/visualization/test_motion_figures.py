@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from scipy.spatial.transform import Rotation
 
 import freefloat as ff
-from freefloat.io.formats.trajectory import Trajectory
+from freefloat.io.trajectory import Trajectory
 from freefloat.motion.law import PathLaw
 from freefloat.planning.motions import SimulatedBranch
 from freefloat.so3 import heading_quaternion

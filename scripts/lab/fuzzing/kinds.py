@@ -23,7 +23,7 @@ import yaml
 from freefloat.dynamics.summary import natural_task
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.errors import FreeFloatError
-from freefloat.io.records.results import load
+from freefloat.io.results import load
 from freefloat.io.scenario.scenario import load_scenario
 from freefloat.io.scenario.schema import ScenarioFile
 from freefloat.io.scenario.yaml import validated

@@ -77,7 +77,7 @@ class Delivery:
         self.console.json(document)
 
     def _save(self, result: Any, output: Path) -> None:
-        from freefloat.io.records.results import save  # HDF5 is slow to import
+        from freefloat.io.results import save  # HDF5 is slow to import
 
         save(result, output)
         contact = getattr(result, "contact", None)
@@ -121,7 +121,7 @@ def load_answer(file: Path) -> Answer:
     Raises:
         InputError: If the file holds a map, or an answer without any motion.
     """
-    from freefloat.io.records.results import load
+    from freefloat.io.results import load
 
     result: Any = load(file)
     if not hasattr(result, "phases"):

@@ -17,7 +17,7 @@ import numpy as np
 from freefloat.ensemble.endings import DECIDERS, MOTION
 from freefloat.errors import FreeFloatError, InputError
 from freefloat.io.files import file_errors, written_beside
-from freefloat.io.records.results import save
+from freefloat.io.results import save
 from freefloat.kinds import STUDY_COMMANDS, kind_of, named
 from freefloat.limits.kinds.base_rate import BaseRateLimit
 from freefloat.limits.kinds.base_turn import BaseTurnLimit

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from freefloat.errors import InputError
-from freefloat.io.formats.trajectory import Trajectory
+from freefloat.io.trajectory import Trajectory
 from freefloat.rotations import Rotation
 from freefloat.so3 import Array
 

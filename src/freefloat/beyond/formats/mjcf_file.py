@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from freefloat.errors import InputError
-from freefloat.io.formats.trajectory import Trajectory
+from freefloat.io.trajectory import Trajectory
 from freefloat.robot.description import LinkShape
 from freefloat.robot.mesh_files import MeshFileError, find_mesh
 from freefloat.robot.model import FreeFloatingModel

@@ -8,7 +8,7 @@ import numpy as np
 import yaml
 
 from freefloat.errors import InputError
-from freefloat.io.formats.trajectory import Trajectory
+from freefloat.io.trajectory import Trajectory
 
 _NANO = 1_000_000_000
 _LATEST = 2**31

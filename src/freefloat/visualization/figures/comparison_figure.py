@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from freefloat.errors import InputError
-from freefloat.io.formats.trajectory import Trajectory
+from freefloat.io.trajectory import Trajectory
 from freefloat.motion.motion import Motion
 from freefloat.visualization.figure_style import BLACK, PAGE, PALE, legend_above, new_figure, styled
 from freefloat.visualization.figures.motion_figures import (

@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from freefloat.dynamics.plane import Plane
-from freefloat.io.formats.trajectory import Trajectory
+from freefloat.io.trajectory import Trajectory
 from freefloat.motion.extrema import ClosestApproach
 from freefloat.motion.motion import Ending, Motion
 from freefloat.motion.pointing import AttitudeLimits, Keep, angle_of

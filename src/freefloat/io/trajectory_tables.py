@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from freefloat.io.files import cell_text
-from freefloat.io.formats.trajectory import Trajectory
+from freefloat.io.trajectory import Trajectory
 from freefloat.so3 import Array
 
 _FIELD = 32

@@ -12,8 +12,8 @@ from typing import Any
 
 from freefloat.errors import InputError, require_extra, require_type
 from freefloat.io.files import written_beside
-from freefloat.io.formats.trajectory import HEADER, J2000, Header, Trajectory
-from freefloat.io.formats.trajectory_tables import csv_text, json_text, write_mat
+from freefloat.io.trajectory import HEADER, J2000, Header, Trajectory
+from freefloat.io.trajectory_tables import csv_text, json_text, write_mat
 from freefloat.kinds import later
 from freefloat.motion.motion import Motion
 from freefloat.planning.answer import Answer
@@ -44,7 +44,7 @@ class Format(StrEnum):
 
     @property
     def header_keys(self) -> tuple[str, ...]:
-        """What it states of a :class:`~freefloat.io.formats.trajectory.Header`."""
+        """What it states of a :class:`~freefloat.io.trajectory.Header`."""
         return _HEADER_KEYS.get(self, ())
 
     def require(self) -> None:
