@@ -13,7 +13,7 @@ import yaml
 from scipy.spatial.transform import Rotation
 
 import freefloat as ff
-from freefloat.beyond.missions.phases.kinds.path_phase import moved_to_begin_at, require_continuous
+from freefloat.beyond.missions.phases.path_phase import moved_to_begin_at, require_continuous
 from freefloat.beyond.missions.phases.phase import checked_phases
 from freefloat.beyond.missions.phases.state import SystemState
 from freefloat.dynamics.plane import Plane

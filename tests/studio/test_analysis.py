@@ -11,9 +11,9 @@ import yaml
 from scipy.spatial.transform import Rotation
 
 import freefloat as ff
+from freefloat.beyond.studio.analyses import PathAnalysis
 from freefloat.beyond.studio.analysis import RobotCache
 from freefloat.beyond.studio.messages import WorkerState
-from freefloat.beyond.studio.path_analysis import PathAnalysis
 from freefloat.io.scenario.scenario import parse_scenario
 from freefloat.robot.bundled import find_scenario
 

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 import freefloat as ff
-from freefloat.beyond.joint_space.figures import singularity_figures
-from freefloat.beyond.joint_space.joint_sections import reference_configuration
+from freefloat.beyond.joint_space.figures import reference_configuration, singularity_figures
 from freefloat.beyond.joint_space.singularity_map import SingularityMap
 from tests.motions import bundled
 

@@ -11,7 +11,7 @@ from playwright.sync_api import Browser
 
 import freefloat as ff
 from freefloat.beyond.joint_space import scene as scenes
-from freefloat.beyond.joint_space.joint_sections import influential_joints, section
+from freefloat.beyond.joint_space.figures import influential_joints, section
 from freefloat.beyond.joint_space.singularity_map import SingularityMap
 from freefloat.visualization.page.playback import Playback
 from tests.browser import differing, opened

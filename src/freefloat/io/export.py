@@ -76,7 +76,7 @@ TEXTS: dict[Format, Callable[[Trajectory], str]] = {
 """Functions that return a trajectory as text, by format."""
 _WRITERS: dict[Format, Callable[[Path, Trajectory], None]] = {
     Format.MAT: write_mat,
-    Format.MCAP: later("beyond.formats.mcap_file:write_mcap"),
+    Format.MCAP: later("beyond.formats.ros2:write_mcap"),
 }
 """Functions that write a trajectory to a file, by format."""
 

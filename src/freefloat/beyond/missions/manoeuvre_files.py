@@ -11,8 +11,8 @@ from typing import Any, cast
 from freefloat.beyond.missions.goals.goal import Goal
 from freefloat.beyond.missions.goals.goal_motion import GoalMotion, earlier
 from freefloat.beyond.missions.phase_section import phases_content
-from freefloat.beyond.missions.phases.kinds.capture_phase import PlannedCapture
-from freefloat.beyond.missions.phases.kinds.goal_phase import GoalPhase
+from freefloat.beyond.missions.phases.capture_phase import PlannedCapture
+from freefloat.beyond.missions.phases.goal_phase import GoalPhase
 from freefloat.beyond.missions.phases.manoeuvre import Manoeuvre
 from freefloat.beyond.missions.phases.phase import Phase
 from freefloat.beyond.missions.phases.state import SystemState

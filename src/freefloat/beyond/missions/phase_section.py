@@ -10,9 +10,9 @@ import numpy as np
 from pydantic import model_validator
 
 from freefloat.beyond.missions.goals.goal import Goal, require_inside
-from freefloat.beyond.missions.phases.kinds.capture_phase import CapturePhase
-from freefloat.beyond.missions.phases.kinds.goal_phase import GoalPhase
-from freefloat.beyond.missions.phases.kinds.path_phase import PathPhase
+from freefloat.beyond.missions.phases.capture_phase import CapturePhase
+from freefloat.beyond.missions.phases.goal_phase import GoalPhase
+from freefloat.beyond.missions.phases.path_phase import PathPhase
 from freefloat.beyond.missions.phases.phase import Phase
 from freefloat.beyond.missions.phases.state import keys_within
 from freefloat.dynamics.tasks import Task

@@ -31,7 +31,7 @@ from freefloat.robot.joint_ranges import largest_range_ratio
 from freefloat.scene.scene_body import EndEffectorPoses
 from freefloat.so3 import Array, IntArray
 
-if TYPE_CHECKING:
+if TYPE_CHECKING:  # coal and trimesh import slowly
     from freefloat.limits.pairs import CollisionPairs
 
 
