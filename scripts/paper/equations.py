@@ -25,9 +25,8 @@ from freefloat.motion.integration import ArcFlow, integrate_motion
 from freefloat.paths.curves import PolynomialCurve
 from freefloat.paths.directed_orientation import DirectedOrientation
 from freefloat.paths.orientation import OrientationLaw
-from freefloat.paths.time_laws import TimeLaw
 from freefloat.paths.timed_path import TimedPath
-from freefloat.paths.timing import Timing
+from freefloat.paths.timing import TimeLaw, Timing
 from freefloat.planning.plane.ranges import heading_ranges
 from freefloat.planning.space.mapping import attitude_map
 from freefloat.planning.touching.margin_lines import PathOfPoint3, StatesOnPath

@@ -14,9 +14,8 @@ from freefloat.limits.limits import Limits
 from freefloat.limits.result import needed_stretch
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.motion import Ending
-from freefloat.paths.time_laws import TimeLaw
 from freefloat.paths.timed_path import TimedPath
-from freefloat.paths.timing import Stop, Timing
+from freefloat.paths.timing import Stop, TimeLaw, Timing
 from tests.motions import BAD, GOOD, bundled, heading, lasting, simulated
 from tests.prismatic import (
     DURATION,

@@ -8,8 +8,7 @@ import trimesh
 from scipy.spatial import ConvexHull, Delaunay
 from scipy.spatial.transform import Rotation
 
-from freefloat.limits.collision import all_shapes, shapes_of_bodies, shapes_of_links
-from freefloat.limits.convex_parts import convex_parts
+from freefloat.limits.collision import all_shapes, convex_parts, shapes_of_bodies, shapes_of_links
 from freefloat.limits.pairs import CollisionPairs
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.validation import read_urdf

@@ -11,7 +11,7 @@ import freefloat as ff
 from freefloat.beyond.missions.phases.manoeuvre import Manoeuvre
 from freefloat.beyond.missions.phases.state import SystemState
 from freefloat.certificate.certificate import certify
-from freefloat.paths.time_laws import TimeLaw
+from freefloat.paths.timing import TimeLaw
 from freefloat.planning.motions import branch_at
 from freefloat.rotations import rotation_matrix
 from freefloat.so3 import Pose, angle_between

@@ -18,7 +18,7 @@ from freefloat.ensemble.ensemble import EnsembleIntegrator
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.ensemble.recorded_motions import RecordedMotions
 from freefloat.ensemble.systems import equivalents
-from freefloat.limits.recorded_torques import largest_torques
+from freefloat.limits.recorded_limits import largest_torques
 from freefloat.so3 import heading_quaternion
 from freefloat.verification import range_checks
 from freefloat.verification.comparisons import Check

@@ -17,7 +17,7 @@ from freefloat.limits.check import attitude_limits
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.pointing import AttitudeLimits
 from freefloat.motion.problem import Problem
-from freefloat.paths.time_laws import TimeLaw
+from freefloat.paths.timing import TimeLaw
 from freefloat.planning.candidates import Candidate, SearchEffort, Tolerance
 from freefloat.planning.headings import heading_depth, ranges_containing
 from freefloat.planning.motions import SimulatedBranch, evaluator_for, evaluator_near

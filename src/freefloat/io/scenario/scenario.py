@@ -31,9 +31,8 @@ from freefloat.limits.limits import Limits
 from freefloat.motion.joint_curves import ArmCurves
 from freefloat.motion.margin import Margin
 from freefloat.motion.problem import Problem
-from freefloat.paths.path_stack import PathStack, path_key
 from freefloat.paths.relative_path import RelativePath
-from freefloat.paths.timed_path import TimedPath
+from freefloat.paths.timed_path import PathStack, TimedPath, path_key
 from freefloat.paths.timing import Timing
 from freefloat.planning.settings import Search
 from freefloat.robot.bundled import find_scenario

@@ -13,8 +13,7 @@ from freefloat.limits.limits import Limits
 from freefloat.limits.result import LimitResult, needed_stretch, violated
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.problem import Problem
-from freefloat.paths.time_laws import Speeds, TimeLaw
-from freefloat.paths.timing import Timing
+from freefloat.paths.timing import Speeds, TimeLaw, Timing
 from freefloat.planning.limits.stretching import OVER
 from freefloat.planning.motions import (
     SimulatedBranch,

@@ -21,8 +21,7 @@ from freefloat.limits.kinds.joint_rate import JointRateLimit
 from freefloat.limits.kinds.joint_torque import JointTorqueLimit
 from freefloat.limits.limits import GIVEN, Limits
 from freefloat.motion.motion import Motion
-from freefloat.paths.time_laws import Speeds
-from freefloat.paths.timing import Timing
+from freefloat.paths.timing import Speeds, Timing
 from freefloat.planning.timing.path_limits import LimitRows, PathLimits
 from freefloat.planning.timing.smooth_profile import smooth_speeds
 from freefloat.so3 import Array
