@@ -11,9 +11,8 @@ from scipy.spatial.transform import Rotation
 
 import freefloat as ff
 from freefloat.ensemble.endings import COMPLETED, UNREACHED
-from freefloat.ensemble.feasibility import FeasibilityEvaluator
+from freefloat.ensemble.feasibility import FeasibilityEvaluator, has_wrist_flipped_branches
 from freefloat.ensemble.result import BranchResults
-from freefloat.ensemble.wrist_flips import has_wrist_flipped_branches
 from freefloat.errors import UnreachableError
 from freefloat.robot.bundled import models_folder
 from freefloat.so3 import heading_quaternion

@@ -24,6 +24,7 @@ from freefloat.ensemble.endings import (
     MOTION,
     NORMAL,
     SINGULAR,
+    STEP_TOLERANCE,
     STRICT,
 )
 from freefloat.ensemble.ensemble import EnsembleIntegrator
@@ -31,7 +32,6 @@ from freefloat.ensemble.known_limits import KnownLimits, LimitValues
 from freefloat.ensemble.many_motions import ManyMotions
 from freefloat.ensemble.result import EnsembleResult
 from freefloat.ensemble.starts import starts_at
-from freefloat.ensemble.step_tolerances import STEP_TOLERANCE
 from freefloat.ensemble.systems import ScaledMotions
 from freefloat.errors import IntegrationError
 from freefloat.motion.extrema import closest_approach

@@ -11,11 +11,10 @@ import numpy as np
 from freefloat.concurrency import Progress, available_cores, run_chunks
 from freefloat.dynamics.robot_arrays import KernelAxes
 from freefloat.ensemble.arrays import kernel_problem, spare_slacks
-from freefloat.ensemble.endings import COMPLETED, LIMITED
+from freefloat.ensemble.endings import COMPLETED, LIMITED, STEP_TOLERANCE
 from freefloat.ensemble.kernels.integration import integrate_many
 from freefloat.ensemble.kernels.records import Motions, make_workspace
 from freefloat.ensemble.result import EnsembleResult
-from freefloat.ensemble.step_tolerances import STEP_TOLERANCE
 from freefloat.ensemble.systems import Systems
 from freefloat.errors import InputError, finite_number, whole_number
 from freefloat.motion.margin import ROUNDING

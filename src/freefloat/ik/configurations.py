@@ -16,11 +16,10 @@ import numpy as np
 from freefloat.attitude_grids import low_discrepancy
 from freefloat.dynamics.joint_space import joint_box
 from freefloat.dynamics.tasks import Task
-from freefloat.ik.chain import SAME, Chain
+from freefloat.ik.chain import SAME, Chain, wrapped
 from freefloat.ik.newton import Newton
 from freefloat.ik.numbering import sorted_joints
 from freefloat.ik.pose_table import PoseTable, sampled_box
-from freefloat.ik.vectors import wrapped
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array, BoolArray, IntArray
 

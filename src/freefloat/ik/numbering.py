@@ -7,8 +7,7 @@ import numpy.typing as npt
 
 from freefloat.dynamics.tasks import Task, task_rows
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
-from freefloat.ik.chain import Chain
-from freefloat.ik.vectors import cross, dot
+from freefloat.ik.chain import Chain, cross, dot
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array, IntArray
 

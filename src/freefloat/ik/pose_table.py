@@ -19,8 +19,7 @@ from freefloat.attitude_grids import low_discrepancy
 from freefloat.dynamics.joint_space import joint_box
 from freefloat.dynamics.tasks import Task
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
-from freefloat.ik.chain import Chain
-from freefloat.ik.vectors import cross, dot, product, times, wrapped
+from freefloat.ik.chain import Chain, cross, dot, product, times, wrapped
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array, axis_frame
 

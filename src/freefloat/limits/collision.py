@@ -26,6 +26,16 @@ _MOST_SHAPES = 1000
 _ACCEPTED = "a box, cylinder, sphere or capsule of positive size, or a readable mesh file"
 _Solid = tuple[Any, Array]
 """A coal geometry, and the vertices of a polytope around it, shape (V, 3)."""
+_MOST = 6
+"""Largest number of convex parts of a mesh."""
+_CUTS = (0.2, 0.35, 0.5, 0.65, 0.8)
+"""Positions of trial cuts, as fractions of a part's extent along an axis."""
+_GAIN = 0.03
+"""Volume that a cut has to save, as a fraction of the whole hull's."""
+_THICKNESS = 1e-6
+"""Thickness given to flat meshes [m]."""
+_TOUCHING = 1e-8
+"""Distance of vertices from a plane that they are on [m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,18 +177,6 @@ def _mesh_solids(file: Path, modified_ns: int, *scale: float) -> tuple[_Solid, .
         except RuntimeError:
             raise MeshFileError("a vertex of its convex hull has over 255 neighbours") from None
     return tuple(solids)
-
-
-_MOST = 6
-"""Largest number of convex parts of a mesh."""
-_CUTS = (0.2, 0.35, 0.5, 0.65, 0.8)
-"""Positions of trial cuts, as fractions of a part's extent along an axis."""
-_GAIN = 0.03
-"""Volume that a cut has to save, as a fraction of the whole hull's."""
-_THICKNESS = 1e-6
-"""Thickness given to flat meshes [m]."""
-_TOUCHING = 1e-8
-"""Distance of vertices from a plane that they are on [m]."""
 
 
 @dataclass(frozen=True, eq=False)

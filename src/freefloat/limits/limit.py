@@ -29,6 +29,8 @@ from freefloat.so3 import Array, IntArray, frozen
 _DIVERGENCE = 1e3
 """Ratio of a value at a singular end to those before it, from which rounding alone bounds it."""
 Bound = TypeVar("Bound")
+OFF: Literal["off"] = "off"
+"""The value of a limit that does not apply although it would by default."""
 
 
 def place_of_maximum(motion: Motion, values: Function) -> float:
@@ -191,10 +193,6 @@ class MagnitudeLimit(JointLimit[Array]):
             motion, joint, worst=worst, allowed=allowed[joint], ratio=place.value,
             time=motion.time_at(place.u),
         )  # fmt: skip
-
-
-OFF: Literal["off"] = "off"
-"""The value of a limit that does not apply although it would by default."""
 
 
 @dataclass(frozen=True)

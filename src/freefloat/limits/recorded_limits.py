@@ -37,6 +37,11 @@ _RESOLVED = 1e-5
 """Largest error of a ratio of torques, relative to the ratio."""
 _UNDECIDED = 1e-4
 """Distance from a bound within which other limits are not decided, relative to the bound."""
+_POINTS = np.linspace(-1.0, 1.0, 65)
+_TO_POINTS = chebyshev.chebvander(_POINTS, DEGREE) @ TO_COEFFICIENTS
+"""Maps values at the nodes of a panel to values at evenly spaced parameters."""
+_LAST = 3
+"""Number of last Chebyshev coefficients from which the interpolation error is estimated."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,13 +154,6 @@ class RecordedLimits:
             values.certain[k, column] = abs(worst - result.allowed) > error
             if result.ratio * scale > 1.0 or not values.certain[k, column]:
                 break
-
-
-_POINTS = np.linspace(-1.0, 1.0, 65)
-_TO_POINTS = chebyshev.chebvander(_POINTS, DEGREE) @ TO_COEFFICIENTS
-"""Maps values at the nodes of a panel to values at evenly spaced parameters."""
-_LAST = 3
-"""Number of last Chebyshev coefficients from which the interpolation error is estimated."""
 
 
 class LargestTorques(NamedTuple):

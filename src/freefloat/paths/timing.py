@@ -31,6 +31,15 @@ _BLEND = 0.25
 
 Speeds = tuple[tuple[float, ...], ...]
 """Rows of times [s] and speeds ds/dt [1/s], all or none with their derivatives d²s/dt² [1/s²]."""
+_STOPS = "a list of stops, such as [Stop(s=0.5, t=40)], t in seconds"
+_CLOSEST = 1e-9
+"""Smallest distance of stops in s and in t over the duration."""
+_TIME_ERROR = 1e-13
+"""Rounding error of times at the ends of a motion, relative to its duration."""
+_ORDERS = 0, 1, 2
+"""Orders of derivatives by time."""
+_BISECTIONS = 50
+"""Halvings of a segment until its parts are below rounding errors."""
 
 
 class TimeLaw(StrEnum):
@@ -130,17 +139,6 @@ def segments_of(speeds: Speeds) -> Iterator[TimeSegment]:
         rate = [value * (power - 1) / span for value, power in zip(speed, powers, strict=True)]
         yield TimeSegment(end, start, span, ((*place, s), tuple(speed), tuple(rate[:-1])))
         s += sum(place)
-
-
-_STOPS = "a list of stops, such as [Stop(s=0.5, t=40)], t in seconds"
-_CLOSEST = 1e-9
-"""Smallest distance of stops in s and in t over the duration."""
-_TIME_ERROR = 1e-13
-"""Rounding error of times at the ends of a motion, relative to its duration."""
-_ORDERS = 0, 1, 2
-"""Orders of derivatives by time."""
-_BISECTIONS = 50
-"""Halvings of a segment until its parts are below rounding errors."""
 
 
 @dataclass(frozen=True)

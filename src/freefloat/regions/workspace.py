@@ -20,9 +20,8 @@ from freefloat.errors import InputError
 from freefloat.motion.problem import Problem, require_problem
 from freefloat.motion.setting import Setting
 from freefloat.regions.certified_areas import certified_areas
-from freefloat.regions.elbow_arm import wrist_in_tool
 from freefloat.regions.margin_curves import level_curves, reduced_arm
-from freefloat.regions.planar_regions import Interval
+from freefloat.regions.planar_regions import Interval, wrist_in_tool
 from freefloat.so3 import Array, frozen
 
 _ADJACENT = 1e-9

@@ -24,6 +24,13 @@ _ONE_BYTE = re.compile(
     rb"""\s*<\?xml\s[^>]{,80}\bencoding\s*=\s*["'](iso-8859-\d+|windows-\d+)["']""", re.IGNORECASE
 )
 """A declaration of XML that names an encoding of one byte a character."""
+_EXAMPLES = "example-robot-data"
+EXAMPLE = f"{_EXAMPLES}:"
+"""Prefix of the names of that package's robots."""
+DESCRIPTIONS = "robot_descriptions:"
+"""Prefix of the names of robots of the package robot_descriptions."""
+_LISTED = 5
+"""Number of names that are listed for an unknown robot of a package."""
 
 
 def models_folder() -> Path:
@@ -158,15 +165,6 @@ def unknown(key: str, name: str, names: Sequence[str], what: str) -> InputError:
     """The error for an unknown name, with the most similar known one."""
     problem = f"no such file or name: {name[:240]}{did_you_mean(name, names)}"
     return InputError(key, problem, f"{what} {', '.join(names)}")
-
-
-_EXAMPLES = "example-robot-data"
-EXAMPLE = f"{_EXAMPLES}:"
-"""Prefix of the names of that package's robots."""
-DESCRIPTIONS = "robot_descriptions:"
-"""Prefix of the names of robots of the package robot_descriptions."""
-_LISTED = 5
-"""Number of names that are listed for an unknown robot of a package."""
 
 
 def example_robot(name: str) -> Path:

@@ -49,6 +49,15 @@ PAIR = "disable_collisions"
 """Tag of two links that are not compared, in SRDF and where its pairs were added to a URDF."""
 _SRDF = {"group", "group_state", PAIR, "virtual_joint", "passive_joint"}
 """Elements of SRDF, whose root element is that of URDF."""
+MAGNITUDE = 1e12
+"""Largest accepted number: squares of larger ones overflow."""
+ROUNDED = 1e-3
+"""Error of a unit vector or quaternion written with three digits."""
+_NUMBER = re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?")
+_VERSIONS = ("1.0", "1.1", "1.2")
+_CAPSULE = "1.1"
+"""The version that introduced capsules, and ``quat_xyzw``."""
+_IDENTITY = "0 0 0 1"
 
 
 def robot_element(read: UrdfText, source: str) -> Element:
@@ -147,17 +156,6 @@ def _xacro_error(source: str, line: int | None) -> ModelError:
     problem = "it is xacro, macros and expressions from which a URDF is made"
     remedy = "a file whose name ends in .xacro, or what `xacro FILE > robot.urdf` writes"
     return ModelError("urdf", problem, remedy, source, line)
-
-
-MAGNITUDE = 1e12
-"""Largest accepted number: squares of larger ones overflow."""
-ROUNDED = 1e-3
-"""Error of a unit vector or quaternion written with three digits."""
-_NUMBER = re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?")
-_VERSIONS = ("1.0", "1.1", "1.2")
-_CAPSULE = "1.1"
-"""The version that introduced capsules, and ``quat_xyzw``."""
-_IDENTITY = "0 0 0 1"
 
 
 class AttributeReader:

@@ -21,6 +21,34 @@ _ON_PATH, _AT_GOAL = 1e-2, 1e-3
 """Tolerances of a goal: distance of a joint from its path and from its end [rad or m]."""
 _LATE = 1
 """Seconds after the end within which the joints must be there."""
+_LAST = 2**31 - 1
+"""Last second since 1970 that ROS has a number for."""
+_INERTIAL = "inertial"
+"""Name of the frame of all transforms: inertial axes, origin at the centre of mass."""
+_PARTS = {
+    "builtin_interfaces/Time": "int32 sec\nuint32 nanosec",
+    "std_msgs/Header": "builtin_interfaces/Time stamp\nstring frame_id",
+    "geometry_msgs/Vector3": "float64 x\nfloat64 y\nfloat64 z",
+    "geometry_msgs/Quaternion": "float64 x\nfloat64 y\nfloat64 z\nfloat64 w",
+    "geometry_msgs/Transform":
+        "geometry_msgs/Vector3 translation\ngeometry_msgs/Quaternion rotation",
+    "geometry_msgs/TransformStamped":
+        "std_msgs/Header header\nstring child_frame_id\ngeometry_msgs/Transform transform",
+}  # fmt: skip
+_HEADER = ("std_msgs/Header", "builtin_interfaces/Time")
+_TOPICS = {
+    "/joint_states": (
+        "sensor_msgs/msg/JointState", _HEADER,
+        "std_msgs/Header header\nstring[] name\nfloat64[] position\nfloat64[] velocity\n"
+        "float64[] effort",
+    ),
+    "/tf": (
+        "tf2_msgs/msg/TFMessage", tuple(_PARTS), "geometry_msgs/TransformStamped[] transforms",
+    ),
+    "/robot_description": ("std_msgs/msg/String", (), "string data"),
+    "/margin": ("std_msgs/msg/Float64", (), "float64 data"),
+}  # fmt: skip
+"""Type, parts and definition of the messages of each topic."""
 
 
 def ros2_text(trajectory: Trajectory) -> str:
@@ -84,36 +112,6 @@ def _yaml(message: dict[str, Any]) -> str:
     return str(
         yaml.dump(message, Dumper=dumper, sort_keys=False, width=10**6, default_flow_style=None)
     )
-
-
-_LAST = 2**31 - 1
-"""Last second since 1970 that ROS has a number for."""
-_INERTIAL = "inertial"
-"""Name of the frame of all transforms: inertial axes, origin at the centre of mass."""
-_PARTS = {
-    "builtin_interfaces/Time": "int32 sec\nuint32 nanosec",
-    "std_msgs/Header": "builtin_interfaces/Time stamp\nstring frame_id",
-    "geometry_msgs/Vector3": "float64 x\nfloat64 y\nfloat64 z",
-    "geometry_msgs/Quaternion": "float64 x\nfloat64 y\nfloat64 z\nfloat64 w",
-    "geometry_msgs/Transform":
-        "geometry_msgs/Vector3 translation\ngeometry_msgs/Quaternion rotation",
-    "geometry_msgs/TransformStamped":
-        "std_msgs/Header header\nstring child_frame_id\ngeometry_msgs/Transform transform",
-}  # fmt: skip
-_HEADER = ("std_msgs/Header", "builtin_interfaces/Time")
-_TOPICS = {
-    "/joint_states": (
-        "sensor_msgs/msg/JointState", _HEADER,
-        "std_msgs/Header header\nstring[] name\nfloat64[] position\nfloat64[] velocity\n"
-        "float64[] effort",
-    ),
-    "/tf": (
-        "tf2_msgs/msg/TFMessage", tuple(_PARTS), "geometry_msgs/TransformStamped[] transforms",
-    ),
-    "/robot_description": ("std_msgs/msg/String", (), "string data"),
-    "/margin": ("std_msgs/msg/Float64", (), "float64 data"),
-}  # fmt: skip
-"""Type, parts and definition of the messages of each topic."""
 
 
 def write_mcap(path: Path, trajectory: Trajectory) -> None:

@@ -27,6 +27,17 @@ from freefloat.visualization import figure_style as style
 _JOINT_SAMPLES = 4096
 _STEP = np.radians(5.0)
 """Revolute joints of the reference configuration are multiples of this [rad]."""
+_RASTER = 360
+"""Cells of the raster, and intervals of the grid for det A = 0, across a panel."""
+_SHIFT = -1e-3
+"""Shift of the grid of revolute joints in revolutions: zeros at 180 degrees, which are also at -180
+degrees, are a whole line at one of the edges."""
+_COLOURS = ("#FBE3C0", "#7FB8DC", "#6E6E6E")
+"""Det A positive, negative, undecided: light, medium and dark in grey tones."""
+_LABELS = ("det A > 0", "det A < 0", "singular or undecided")
+_PAIRED = 4
+"""Joints of which all pairs are shown."""
+_CAPTION_LENGTH = 110
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,19 +167,6 @@ def reference_configuration(found: SingularityMap) -> Array:
     for name, value in found.fixed.items():
         best[found.model.joint_names.index(name)] = value
     return best
-
-
-_RASTER = 360
-"""Cells of the raster, and intervals of the grid for det A = 0, across a panel."""
-_SHIFT = -1e-3
-"""Shift of the grid of revolute joints in revolutions: zeros at 180 degrees, which are also at -180
-degrees, are a whole line at one of the edges."""
-_COLOURS = ("#FBE3C0", "#7FB8DC", "#6E6E6E")
-"""Det A positive, negative, undecided: light, medium and dark in grey tones."""
-_LABELS = ("det A > 0", "det A < 0", "singular or undecided")
-_PAIRED = 4
-"""Joints of which all pairs are shown."""
-_CAPTION_LENGTH = 110
 
 
 def map_figures(found: SingularityMap, *_: Any) -> style.Drawings:

@@ -21,6 +21,13 @@ from freefloat.process_starts import isolated_starts
 if TYPE_CHECKING:  # the server, which starts the process, needs no planner
     from freefloat.beyond.studio.analysis import Analysis
 
+_PATIENCE = 180.0
+"""Time without an answer after which a busy worker is replaced [s]; compiling takes 30 s."""
+_CLOSING = 2.0
+"""Time in which a process that was told to end must have ended [s]."""
+_PAUSES = 0.0, 1.0, 5.0, 30.0
+"""Pauses before a process is started again that died before any answer [s]; the last repeats."""
+
 
 def work(connection: Connection) -> None:
     """Answer states and tasks until the server closes the connection."""
@@ -126,14 +133,6 @@ class _Worker:
         """Abandon a map for a newer message."""
         if self._connection.poll():
             raise _Superseded
-
-
-_PATIENCE = 180.0
-"""Time without an answer after which a busy worker is replaced [s]; compiling takes 30 s."""
-_CLOSING = 2.0
-"""Time in which a process that was told to end must have ended [s]."""
-_PAUSES = 0.0, 1.0, 5.0, 30.0
-"""Pauses before a process is started again that died before any answer [s]; the last repeats."""
 
 
 class WorkerProcess:

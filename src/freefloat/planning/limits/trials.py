@@ -39,6 +39,14 @@ PassedTrial = tuple[SimulatedBranch, tuple[LimitResult, ...]]
 """A motion that keeps margin and limits, and the results of these."""
 UNFINISHED = 1e6
 """Violation of motions that just fail to follow the whole path."""
+_FIRST_BATCH, _BATCH = 16, 256
+"""Candidates screened together: few at first, for the best may pass."""
+_SLACK = 1e-4
+"""Error of compiled motions [m; fraction of a range or rate]."""
+_INSTANTS = 16
+"""Instants between start and end at which clearances are computed."""
+_Entries = tuple[IntArray, IntArray]
+"""Rows and arm branches of candidates in results of motions."""
 
 
 class Trials:
@@ -162,17 +170,6 @@ def largest_violation(violated: Iterable[LimitResult]) -> float:
         for result in violated
     )
     return max(excesses, default=0.0)
-
-
-_FIRST_BATCH, _BATCH = 16, 256
-"""Candidates screened together: few at first, for the best may pass."""
-_SLACK = 1e-4
-"""Error of compiled motions [m; fraction of a range or rate]."""
-_INSTANTS = 16
-"""Instants between start and end at which clearances are computed."""
-
-_Entries = tuple[IntArray, IntArray]
-"""Rows and arm branches of candidates in results of motions."""
 
 
 def screen(

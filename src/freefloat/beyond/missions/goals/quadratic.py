@@ -13,6 +13,14 @@ from freefloat.so3 import Array
 
 _MOST = 300_000
 """Instants of a search: fifteen to thirty seconds of processor time."""
+WEIGHT_OF_END = 10.0
+"""Least weight of the residuals of the end in what steps decrease [1/rad, 1/m]."""
+_ACTIVE_SETS = 10
+"""Most sets of violations for which a step is computed."""
+_HALVINGS = 12
+"""Bisections of the way to the least value of one of them."""
+_RANK = 1e-10
+"""Singular value, over the largest one, from which the end can be changed in a direction."""
 
 
 @dataclass(eq=False)
@@ -42,16 +50,6 @@ class SolverBudget:
     def spent(self) -> bool:
         """Whether the search has to end."""
         return self.done >= self.most
-
-
-WEIGHT_OF_END = 10.0
-"""Least weight of the residuals of the end in what steps decrease [1/rad, 1/m]."""
-_ACTIVE_SETS = 10
-"""Most sets of violations for which a step is computed."""
-_HALVINGS = 12
-"""Bisections of the way to the least value of one of them."""
-_RANK = 1e-10
-"""Singular value, over the largest one, from which the end can be changed in a direction."""
 
 
 class Step(NamedTuple):
