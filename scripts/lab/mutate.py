@@ -48,8 +48,8 @@ TESTS = {
     "tests/motion/test_other_arms.py tests/motion/test_two_arms.py tests/limits/test_clearance.py",
     "motion.law": "tests/motion/test_law.py tests/motion/test_two_arms.py "
     "tests/validation/test_mujoco.py",
-    "beyond.missions.phases": "tests/missions/test_phases.py tests/missions/test_manoeuvre.py "
-    "tests/missions/test_phase_limits.py",
+    "beyond.missions.manoeuvre_planner": "tests/missions/test_phases.py "
+    "tests/missions/test_manoeuvre.py tests/missions/test_phase_limits.py",
     "planning.plane.ranges": f"tests/planning/test_planar_ranges.py {RANGES}[2] {RANGES}[4]",
     "planning.touching.touch_points": "tests/planning/test_touch_points.py -k 'not brute_force'",
     "codec": "tests/test_records.py",

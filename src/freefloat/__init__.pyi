@@ -76,10 +76,10 @@ from .beyond.missions.goals.goal import Goal as Goal
 from .beyond.missions.goals.mover import move as move
 from .beyond.missions.capture import Client as Client
 from .beyond.missions.capture import capture as capture
-from .beyond.missions.phases.capture_phase import CapturePhase as CapturePhase
-from .beyond.missions.phases.goal_phase import GoalPhase as GoalPhase
-from .beyond.missions.phases.path_phase import PathPhase as PathPhase
-from .beyond.missions.phases.manoeuvre_planner import plan_manoeuvre as plan_manoeuvre
+from .beyond.missions.capture_phase import CapturePhase as CapturePhase
+from .beyond.missions.goal_phase import GoalPhase as GoalPhase
+from .beyond.missions.path_phase import PathPhase as PathPhase
+from .beyond.missions.manoeuvre_planner import plan_manoeuvre as plan_manoeuvre
 
 # Beyond the paper: engines and exports
 from .io.export import export as export

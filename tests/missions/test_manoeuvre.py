@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import freefloat as ff
-from freefloat.beyond.missions.phases.manoeuvre import Manoeuvre
-from freefloat.beyond.missions.phases.state import SystemState
+from freefloat.beyond.missions.manoeuvre import Manoeuvre
+from freefloat.beyond.missions.state import SystemState
 from freefloat.certificate.certificate import certify
 from freefloat.paths.timing import TimeLaw
 from freefloat.planning.motions import branch_at

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import freefloat as ff
-from freefloat.beyond.missions.phases.manoeuvre import Manoeuvre
+from freefloat.beyond.missions.manoeuvre import Manoeuvre
 from freefloat.limits.kinds import KINDS
 from freefloat.motion.scene_poses import scene_poses
 

@@ -13,9 +13,9 @@ import yaml
 from scipy.spatial.transform import Rotation
 
 import freefloat as ff
-from freefloat.beyond.missions.phases.path_phase import moved_to_begin_at, require_continuous
-from freefloat.beyond.missions.phases.phase import checked_phases
-from freefloat.beyond.missions.phases.state import SystemState
+from freefloat.beyond.missions.manoeuvre import checked_phases
+from freefloat.beyond.missions.path_phase import moved_to_begin_at, require_continuous
+from freefloat.beyond.missions.state import SystemState
 from freefloat.dynamics.plane import Plane
 from freefloat.dynamics.tasks import Task
 from freefloat.so3 import Pose
@@ -83,7 +83,7 @@ def no_planning(monkeypatch) -> None:
     def planned(*_: Any, **__: Any) -> None:
         raise AssertionError("the path was planned")
 
-    monkeypatch.setattr("freefloat.beyond.missions.phases.manoeuvre_planner.plan", planned)
+    monkeypatch.setattr("freefloat.beyond.missions.manoeuvre_planner.plan", planned)
 
 
 ANY = "uniform"

@@ -13,10 +13,10 @@ from freefloat.studies.disturbances import group_numbers
 from freefloat.studies.ensembles import chunks, computed
 from freefloat.studies.estimate import why_run_by_run
 from freefloat.studies.groups import grouped
-from freefloat.studies.portable import PortableStudy
 from freefloat.studies.run import execute
 from freefloat.studies.runner import run_study
 from freefloat.studies.study import Study
+from freefloat.studies.workers import PortableStudy
 from tests.errors import error_key
 from tests.example_studies import BASE, SHORT, a_study, finished
 

@@ -15,8 +15,8 @@ import pytest
 import freefloat as ff
 from freefloat.errors import InputError
 from freefloat.studies.database import open_results
-from freefloat.studies.portable import study_files
 from freefloat.studies.study import Study
+from freefloat.studies.workers import study_files
 from tests.commands import error
 from tests.errors import error_key
 from tests.example_studies import SHORT, a_study, finished, write_study

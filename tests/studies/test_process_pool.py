@@ -11,8 +11,7 @@ from pathlib import Path
 import psutil
 import pytest
 
-from freefloat.studies.portable import PortableStudy
-from freefloat.studies.process_pool import FEW, completed_in_pool
+from freefloat.studies.workers import FEW, PortableStudy, completed_in_pool
 from tests.example_studies import SHORT, a_study, write_study
 
 PATHS = {"path.polynomial.y.1": {"uniform": [0.01, 0.0101]}}

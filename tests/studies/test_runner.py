@@ -24,9 +24,9 @@ from freefloat.robot.bundled import find_scenario, models_folder
 from freefloat.studies.database import open_results
 from freefloat.studies.estimate import estimate_study
 from freefloat.studies.loading import load_study
-from freefloat.studies.portable import PortableStudy, study_files
 from freefloat.studies.run import execute
 from freefloat.studies.runner import run_study
+from freefloat.studies.workers import PortableStudy, study_files
 from tests.commands import document, error, run
 from tests.errors import error_key
 from tests.example_studies import HEADINGS, SHORT, a_study, write_study

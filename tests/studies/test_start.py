@@ -11,9 +11,9 @@ import pytest
 import yaml
 
 import freefloat as ff
-from freefloat.studies.portable import PortableStudy
 from freefloat.studies.run import execute
 from freefloat.studies.runner import run_study
+from freefloat.studies.workers import PortableStudy
 from tests.commands import document
 from tests.example_studies import BASE, a_study, finished
 from tests.studies.test_ensembles import REDUNDANT, ROBOTS

@@ -11,10 +11,10 @@ import pytest
 
 import freefloat as ff
 from freefloat.beyond.engines.track_runs import chunks, computed
-from freefloat.studies.portable import PortableStudy
 from freefloat.studies.results import StudyResult
 from freefloat.studies.run import execute
 from freefloat.studies.study import Study
+from freefloat.studies.workers import PortableStudy
 from tests.errors import error_key
 from tests.example_studies import SHORT, a_study, finished, write_study
 

@@ -14,9 +14,8 @@ from scipy.spatial.transform import Rotation
 import freefloat as ff
 from freefloat.beyond.engines.mujoco import MuJoCo
 from freefloat.certificate.certificate import certify
-from freefloat.ensemble.ensemble import EnsembleIntegrator
+from freefloat.ensemble.ensemble import EnsembleIntegrator, RecordedMotions
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
-from freefloat.ensemble.recorded_motions import RecordedMotions
 from freefloat.ensemble.systems import equivalents
 from freefloat.limits.recorded_limits import largest_torques
 from freefloat.so3 import heading_quaternion

@@ -35,7 +35,7 @@ from freefloat.robot.meshes import read_mesh
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.validation import examine
 from freefloat.studies.loading import load_study
-from freefloat.studies.portable import study_files
+from freefloat.studies.workers import study_files
 from freefloat.verification.check import check
 from freefloat.visualization.scenes.visuals import robot_visuals
 from fuzzing import samples

@@ -39,7 +39,7 @@ from freefloat.motion.integration import integrate_motion
 from freefloat.motion.margin import keeps_threshold
 from freefloat.motion.motion import Ending
 from freefloat.motion.problem import Problem
-from freefloat.robot.joint_ranges import shifts_into_ranges
+from freefloat.robot.model import shifts_into_ranges
 from freefloat.so3 import Array, BoolArray, IntArray
 
 _TOLERANCES = {FINE: 1e-8, STRICT: 1e-10}

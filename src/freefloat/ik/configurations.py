@@ -17,9 +17,8 @@ from freefloat.attitude_grids import low_discrepancy
 from freefloat.dynamics.joint_space import joint_box
 from freefloat.dynamics.tasks import Task
 from freefloat.ik.chain import SAME, Chain, wrapped
-from freefloat.ik.newton import Newton
+from freefloat.ik.newton import Newton, PoseTable, sampled_box
 from freefloat.ik.numbering import sorted_joints
-from freefloat.ik.pose_table import PoseTable, sampled_box
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array, BoolArray, IntArray
 

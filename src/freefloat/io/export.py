@@ -81,7 +81,7 @@ _WRITERS: dict[Format, Callable[[Path, Trajectory], None]] = {
 """Functions that write a trajectory to a file, by format."""
 
 
-_with_resting_arms = later("beyond.missions.phases.manoeuvre:with_resting_arms")
+_with_resting_arms = later("beyond.missions.manoeuvre:with_resting_arms")
 _ACCEPTED = "a motion, or a plan, simulation, goal or manoeuvre that has one"
 
 

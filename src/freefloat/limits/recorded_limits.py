@@ -12,8 +12,8 @@ import pinocchio as pin
 from numpy.polynomial import chebyshev
 
 from freefloat.dynamics.link_frames import frames_at_zero, in_frame, joints_at_zero
+from freefloat.ensemble.ensemble import RecordedMotions, in_panels
 from freefloat.ensemble.known_limits import LimitValues
-from freefloat.ensemble.recorded_motions import RecordedMotions, in_panels
 from freefloat.ensemble.robots import Robots
 from freefloat.ensemble.systems import ScaledMotions
 from freefloat.limits.kinds.clearance import ClearanceLimit

@@ -15,7 +15,7 @@ from freefloat.ensemble.endings import DECIDERS
 from freefloat.ensemble.many_motions import ManyMotions
 from freefloat.kinds import STUDY_COMMANDS, named
 from freefloat.motion.motion import Ending
-from freefloat.robot.joint_ranges import range_ratios
+from freefloat.robot.model import range_ratios
 from freefloat.so3 import Array, IntArray
 from freefloat.studies.columns import (
     FEASIBLE,
@@ -32,8 +32,8 @@ from freefloat.studies.columns import (
 )
 from freefloat.studies.disturbances import NO_ROWS, Chunk, group_numbers
 from freefloat.studies.groups import Group, grouped
-from freefloat.studies.portable import PortableStudy
 from freefloat.studies.study import Study
+from freefloat.studies.workers import PortableStudy
 
 CHUNK = 4096
 """Runs that are integrated and stored together."""

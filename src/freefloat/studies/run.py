@@ -30,7 +30,7 @@ from freefloat.planning.motions import SimulatedBranch
 from freefloat.planning.plan import Plan
 from freefloat.planning.simulation import Simulation, simulate
 from freefloat.planning.space.attitude_map import AttitudeMap
-from freefloat.robot.joint_ranges import range_ratios
+from freefloat.robot.model import range_ratios
 from freefloat.so3 import degrees
 from freefloat.studies.columns import (
     ERROR,
@@ -45,10 +45,10 @@ from freefloat.studies.columns import (
     finite,
 )
 from freefloat.studies.folder import FILES, WRITABLE
-from freefloat.studies.portable import PortableStudy
 from freefloat.studies.study import UNDISTURBED, Study
 from freefloat.studies.study_file import Command, initial_attitude
 from freefloat.studies.variation import error_of_study, scenario_from
+from freefloat.studies.workers import PortableStudy
 
 
 @dataclass(frozen=True, eq=False)

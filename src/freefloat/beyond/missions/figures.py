@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from freefloat.beyond.missions.goals.goal_motion import GoalMotion
-from freefloat.beyond.missions.phases.manoeuvre import Manoeuvre
+from freefloat.beyond.missions.manoeuvre import Manoeuvre
 from freefloat.concurrency import Progress
 from freefloat.errors import InputError
 from freefloat.motion.motion import Motion

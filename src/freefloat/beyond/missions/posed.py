@@ -7,9 +7,8 @@ from typing import Any, cast
 
 from freefloat.beyond.missions.goals.goal import Goal
 from freefloat.beyond.missions.goals.goal_motion import GoalMotion, goal_setting
-from freefloat.beyond.missions.phases.manoeuvre import Manoeuvre
-from freefloat.beyond.missions.phases.phase import Phase, checked_phases
-from freefloat.beyond.missions.phases.state import keys_within
+from freefloat.beyond.missions.manoeuvre import Manoeuvre, Phase, checked_phases
+from freefloat.beyond.missions.state import keys_within
 from freefloat.concurrency import Progress
 from freefloat.io.scenario.scenario import Scenario
 from freefloat.motion.motion import Motion
@@ -92,7 +91,7 @@ class PosedManoeuvre:
 
     def plan(self, *, threads: int | None = None, progress: Progress | None = None) -> Manoeuvre:
         """The manoeuvre, see :func:`freefloat.plan_manoeuvre`."""
-        from freefloat.beyond.missions.phases.manoeuvre_planner import plan_manoeuvre
+        from freefloat.beyond.missions.manoeuvre_planner import plan_manoeuvre
 
         scenario = self._scenario
         problem, search, phases = scenario.problem(), scenario.search(), scenario.phases()

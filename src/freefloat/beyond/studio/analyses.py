@@ -9,9 +9,16 @@ from typing import Any
 import numpy as np
 
 from freefloat.beyond.studio.analysis import Analysis, Attitude, RobotCache
-from freefloat.beyond.studio.attitudes import ball, best_sample, dial
+from freefloat.beyond.studio.answers import (
+    ball,
+    best_motion,
+    best_sample,
+    dial,
+    limits_answer,
+    motion_within_limits,
+    place,
+)
 from freefloat.beyond.studio.messages import WorkerAnswer, WorkerState
-from freefloat.beyond.studio.motions import best_motion, limits_answer, motion_within_limits, place
 from freefloat.beyond.studio.outline import outline, rounded_rpy
 from freefloat.concurrency import Progress
 from freefloat.errors import InputError

@@ -15,8 +15,8 @@ from multiprocessing.context import SpawnProcess
 from typing import TYPE_CHECKING
 
 from freefloat.beyond.studio.messages import WorkerAnswer, WorkerState, WorkerTask, page_text
+from freefloat.concurrency import isolated_starts
 from freefloat.errors import FreeFloatError
-from freefloat.process_starts import isolated_starts
 
 if TYPE_CHECKING:  # the server, which starts the process, needs no planner
     from freefloat.beyond.studio.analysis import Analysis

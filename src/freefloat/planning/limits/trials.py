@@ -27,7 +27,7 @@ from freefloat.limits.result import LimitResult, needed_stretch
 from freefloat.planning.candidates import ScreenedCandidate
 from freefloat.planning.motions import SimulatedBranch, integrate_branch
 from freefloat.planning.objective import Comparison
-from freefloat.robot.joint_ranges import largest_range_ratio
+from freefloat.robot.model import largest_range_ratio
 from freefloat.scene.scene_body import EndEffectorPoses
 from freefloat.so3 import Array, IntArray
 

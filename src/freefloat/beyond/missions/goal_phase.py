@@ -9,8 +9,8 @@ import numpy as np
 
 from freefloat.beyond.missions.goals.goal import Goal
 from freefloat.beyond.missions.goals.goal_motion import GoalMotion
-from freefloat.beyond.missions.phases.phase import Phase
-from freefloat.beyond.missions.phases.state import ExpectedState, SystemState
+from freefloat.beyond.missions.manoeuvre import Phase
+from freefloat.beyond.missions.state import ExpectedState, SystemState
 from freefloat.errors import InputError, require_type, seed_number
 from freefloat.limits.limits import Limits
 from freefloat.motion.setting import JointSetting
@@ -43,7 +43,7 @@ class GoalPhase(Phase):
         seed_number("seed", self.seed)
 
     def expected_after(self, state: ExpectedState) -> ExpectedState:
-        """See :class:`~freefloat.beyond.missions.phases.phase.Phase`."""
+        """See :class:`~freefloat.beyond.missions.manoeuvre.Phase`."""
         goal = self.goal
         goal.require_applicable(state.problem)
         if goal.frame not in FRAMES:
@@ -55,11 +55,11 @@ class GoalPhase(Phase):
         return state.after(goal.duration, goal.pose if known else None, twist)
 
     def setting_at(self, state: SystemState) -> JointSetting:
-        """See :class:`~freefloat.beyond.missions.phases.phase.Phase`."""
+        """See :class:`~freefloat.beyond.missions.manoeuvre.Phase`."""
         return state.setting
 
     def to_dict(self) -> dict[str, Any]:
-        """See :class:`~freefloat.beyond.missions.phases.phase.Phase`."""
+        """See :class:`~freefloat.beyond.missions.manoeuvre.Phase`."""
         if self.goal.joint_rates is not None:
             problem = "scenario files cannot describe them"
             raise InputError("goal.joint_rates", problem, "a goal at rest")

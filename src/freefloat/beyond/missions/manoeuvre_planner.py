@@ -7,10 +7,15 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from freefloat.beyond.missions.goals.goal import require_inside
-from freefloat.beyond.missions.phases.manoeuvre import Manoeuvre
-from freefloat.beyond.missions.phases.path_phase import PathPhase
-from freefloat.beyond.missions.phases.phase import PATH, REORIENTATION, Phase, checked_phases
-from freefloat.beyond.missions.phases.state import SystemState, keys_within
+from freefloat.beyond.missions.manoeuvre import (
+    PATH,
+    REORIENTATION,
+    Manoeuvre,
+    Phase,
+    checked_phases,
+)
+from freefloat.beyond.missions.path_phase import PathPhase
+from freefloat.beyond.missions.state import SystemState, keys_within
 from freefloat.concurrency import Progress, step_of
 from freefloat.errors import InputError, require_type
 from freefloat.limits.limits import Limits, limits_for

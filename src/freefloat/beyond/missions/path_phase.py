@@ -13,8 +13,8 @@ from typing import Any, ClassVar, cast
 import numpy as np
 
 from freefloat.beyond.missions.goals.goal import Goal
-from freefloat.beyond.missions.phases.phase import Phase
-from freefloat.beyond.missions.phases.state import ExpectedState, SystemState
+from freefloat.beyond.missions.manoeuvre import Phase
+from freefloat.beyond.missions.state import ExpectedState, SystemState
 from freefloat.certificate.certificate import certify
 from freefloat.dynamics.redundancy import Redundancy
 from freefloat.dynamics.tasks import Task
@@ -91,7 +91,7 @@ class PathPhase(Phase):
         return "to" if isinstance(self.path, Goal) else "path"
 
     def expected_after(self, state: ExpectedState) -> ExpectedState:
-        """See :class:`~freefloat.beyond.missions.phases.phase.Phase`."""
+        """See :class:`~freefloat.beyond.missions.manoeuvre.Phase`."""
         given, drift = self.path, state.problem.drift
         if isinstance(given, Goal):
             duration = cast(float, given.duration)
@@ -111,7 +111,7 @@ class PathPhase(Phase):
         return state.after_path(path, self.redundancy, end, twist)
 
     def setting_at(self, state: SystemState) -> Problem:
-        """See :class:`~freefloat.beyond.missions.phases.phase.Phase`.
+        """See :class:`~freefloat.beyond.missions.manoeuvre.Phase`.
 
         Raises:
             InputError: If the end-effector would jump, or change its twist at once.
@@ -131,7 +131,7 @@ class PathPhase(Phase):
         return moved_to_begin_at(path, state.pose, state.problem)
 
     def to_dict(self) -> dict[str, Any]:
-        """See :class:`~freefloat.beyond.missions.phases.phase.Phase`."""
+        """See :class:`~freefloat.beyond.missions.manoeuvre.Phase`."""
         if self.redundancy is not None:
             problem = "scenario files cannot describe that of a phase"
             raise InputError("redundancy", problem, "no redundancy: the smallest joint rates")

@@ -9,8 +9,8 @@ from typing import Any, ClassVar
 import numpy as np
 
 from freefloat.beyond.missions.capture import Capture, Client, capture
-from freefloat.beyond.missions.phases.phase import Phase
-from freefloat.beyond.missions.phases.state import ExpectedState, SystemState
+from freefloat.beyond.missions.manoeuvre import Phase
+from freefloat.beyond.missions.state import ExpectedState, SystemState
 from freefloat.dynamics.summary import roll_pitch_yaw
 from freefloat.errors import InputError, finite_number, finite_vector, require_type
 from freefloat.limits.limits import Limits
@@ -76,7 +76,7 @@ class CapturePhase(Phase):
             object.__setattr__(self, "com", frozen(finite_vector("com", self.com, 3)))
 
     def expected_after(self, state: ExpectedState) -> ExpectedState:
-        """See :class:`~freefloat.beyond.missions.phases.phase.Phase`."""
+        """See :class:`~freefloat.beyond.missions.manoeuvre.Phase`."""
         body = state.body(self.body, "body")
         tumbling = body.motion
         if isinstance(tumbling, Tumbling):
@@ -164,7 +164,7 @@ class CapturePhase(Phase):
         return PlannedCapture(**vars(result))
 
     def to_dict(self) -> dict[str, Any]:
-        """See :class:`~freefloat.beyond.missions.phases.phase.Phase`."""
+        """See :class:`~freefloat.beyond.missions.manoeuvre.Phase`."""
         values = {"inertia": self.inertia, "com": self.com}
         given = {key: value.tolist() for key, value in values.items() if value is not None}
         return {"capture": {"body": self.body, "mass": float(self.mass), **given}}
