@@ -51,7 +51,7 @@ TESTS = {
     "beyond.missions.manoeuvre_planner": "tests/missions/test_phases.py "
     "tests/missions/test_manoeuvre.py tests/missions/test_phase_limits.py",
     "planning.plane.ranges": f"tests/planning/test_planar_ranges.py {RANGES}[2] {RANGES}[4]",
-    "planning.touching.touch_points": "tests/planning/test_touch_points.py -k 'not brute_force'",
+    "planning.touch_points": "tests/planning/test_touch_points.py -k 'not brute_force'",
     "codec": "tests/test_records.py",
 }
 """Arguments of pytest: the tests of a module or package, without its slowest."""

@@ -28,7 +28,7 @@ from .planning.simulation import simulate as simulate
 # The paper: all attitudes
 from .regions.workspace import workspace_regions as workspace_regions
 from .regions.margin_curves import margin_curves as margin_curves
-from .planning.touching.touch_points import touch_points as touch_points
+from .planning.touch_points import touch_points as touch_points
 from .planning.space.mapping import attitude_map as attitude_map
 from .planning.settings import Search as Search
 from .planning.planner import plan as plan
@@ -37,7 +37,7 @@ from .planning.planner import plan as plan
 from .io.results import load as load
 from .io.results import save as save
 from .verification.check import check as check
-from .visualization.figures.figures import figures as figures
+from .visualization.figures import figures as figures
 from .visualization.page.playback import playback as playback
 from .visualization.page.playback import show as show
 

@@ -95,12 +95,12 @@ class ResultKind:
 
 RESULT_KINDS = {
     "plan": ResultKind(
-        "planning.plan:Plan", "visualization.figures.figures:plan_figures",
+        "planning.plan:Plan", "visualization.figures:plan_figures",
         "visualization.scenes.scene:plan_scene", "verification.path_motions:plan_report",
         "studies.run:plan_values", "cli.plan:plan_tables",
     ),
     "motion": ResultKind(
-        "planning.simulation:Simulation", "visualization.figures.figures:simulation_figures",
+        "planning.simulation:Simulation", "visualization.figures:simulation_figures",
         "visualization.scenes.scene:simulation_scene",
         "verification.path_motions:simulation_report", "studies.run:simulation_values",
         "cli.simulate:simulation_tables",
@@ -123,12 +123,12 @@ RESULT_KINDS = {
     ),
     "attitude map": ResultKind(
         "planning.space.attitude_map:AttitudeMap",
-        "visualization.figures.figures:attitude_map_figures",
+        "visualization.figures:attitude_map_figures",
         "visualization.scenes.map_scene:map_scene", "verification.margin_maps:map_report",
         "studies.run:map_values",
     ),
     "map": ResultKind(
-        "planning.margin_map:HeadingMap", "visualization.figures.figures:heading_map_figures",
+        "planning.margin_map:HeadingMap", "visualization.figures:heading_map_figures",
         "visualization.scenes.map_scene:heading_scene", "verification.margin_maps:map_report",
         "studies.run:map_values",
     ),
@@ -142,7 +142,7 @@ RESULT_KINDS = {
 """Kinds of results that are saved, by the attribute ``kind`` of their records."""
 _MOTION = ResultKind(
     "motion.motion:Motion",
-    "visualization.figures.figures:drawn_motion_figures",
+    "visualization.figures:drawn_motion_figures",
     "visualization.scenes.scene:single_motion_scene",
 )
 

@@ -9,8 +9,8 @@ from matplotlib import rc_context
 
 import freefloat as ff
 from freefloat.so3 import heading_quaternion
+from freefloat.visualization import figures as figures_module
 from freefloat.visualization.figure_style import new_figure
-from freefloat.visualization.figures import figures as figures_module
 from tests.commands import document
 
 

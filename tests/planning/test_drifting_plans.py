@@ -12,7 +12,7 @@ import yaml
 import freefloat as ff
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.paths import Stop
-from freefloat.planning.touching.touch_points import boundary_attitude, sample_touch_points
+from freefloat.planning.touch_points import boundary_attitude, sample_touch_points
 from freefloat.so3 import heading_quaternion
 from tests.commands import document, run
 from tests.motions import bundled

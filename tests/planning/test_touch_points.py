@@ -11,11 +11,7 @@ from scipy.spatial.transform import Rotation
 import freefloat as ff
 from freefloat.dynamics.resolved_rates import ResolvedRateSolver
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
-from freefloat.planning.touching.touch_points import (
-    boundary_attitude,
-    require_touch_points,
-    touch_points,
-)
+from freefloat.planning.touch_points import boundary_attitude, require_touch_points, touch_points
 from tests.errors import error_key
 from tests.motions import bundled
 from tests.robots import random_robot

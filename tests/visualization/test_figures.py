@@ -11,7 +11,7 @@ import pytest
 
 import freefloat as ff
 from freefloat.planning.plan import Plan
-from freefloat.visualization.figures import figures as figures_module
+from freefloat.visualization import figures as figures_module
 from tests.commands import document
 from tests.figures import labels, line
 from tests.scenarios import PARABOLA

@@ -13,7 +13,7 @@ import freefloat as ff
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.planning.space.mapping import sample_attitudes
 from freefloat.visualization.figure_style import BLUE, LIGHT, PALE
-from freefloat.visualization.figures.map_figures import histogram_figure, slices_figure
+from freefloat.visualization.map_figures import histogram_figure, slices_figure
 from freefloat.visualization.slices import Mark, map_slices
 
 BRANCHES = 4  # the others are wrist-flipped

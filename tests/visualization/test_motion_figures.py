@@ -15,9 +15,9 @@ from freefloat.io.trajectory import Trajectory
 from freefloat.motion.law import PathLaw
 from freefloat.planning.motions import SimulatedBranch
 from freefloat.so3 import heading_quaternion
+from freefloat.visualization.comparison_figure import comparison_figure
 from freefloat.visualization.figure_style import PALE, VERMILION, axis_label
-from freefloat.visualization.figures.comparison_figure import comparison_figure
-from freefloat.visualization.figures.motion_figures import euler_angles, motion_figures, shown_times
+from freefloat.visualization.motion_figures import euler_angles, motion_figures, shown_times
 from tests.figures import line
 
 

@@ -12,7 +12,7 @@ from freefloat.planning.plane.arcs import BranchRanges, HeadingRange
 from freefloat.regions.planar_regions import PlanarArm, two_angles
 from freefloat.so3 import heading_quaternion
 from freefloat.visualization.figure_style import GREEN
-from freefloat.visualization.figures.planar_figures import headings_figure, joint_space_figure
+from freefloat.visualization.planar_figures import headings_figure, joint_space_figure
 from tests.figures import labels, line
 from tests.maps import branch_results
 

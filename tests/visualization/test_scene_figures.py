@@ -11,8 +11,8 @@ import freefloat as ff
 from freefloat.motion.motion import Motion
 from freefloat.regions.planar_regions import point_3_on_path
 from freefloat.regions.workspace import exact_workspace
-from freefloat.visualization.figures.scene_figures import outlines, snapshots_figure
-from freefloat.visualization.figures.workspace_figure import workspace_figure
+from freefloat.visualization.scene_figures import outlines, snapshots_figure
+from freefloat.visualization.workspace_figure import workspace_figure
 from tests.figures import line
 
 PLANAR = ff.load_scenario("planar_3dof/parabola").problem()

@@ -13,7 +13,7 @@ import freefloat as ff
 from freefloat.motion.law import PathLaw
 from freefloat.motion.motion import Motion
 from freefloat.so3 import heading_quaternion
-from freefloat.visualization.figures.scene_figures import outline_points, snapshots_figure
+from freefloat.visualization.scene_figures import outline_points, snapshots_figure
 
 RATE = 0.1
 BODIES = (

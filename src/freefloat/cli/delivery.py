@@ -97,7 +97,7 @@ class Delivery:
     def _draw(self, result: Any, folder: Path) -> list[str]:
         """Draw the figures of a result into a folder; print and return their files."""
         from freefloat.visualization.figure_style import save_figures
-        from freefloat.visualization.figures.figures import figures
+        from freefloat.visualization.figures import figures
 
         with self.console.progress("drawing") as progress:
             files = save_figures(folder, figures(result, threads=self.threads, progress=progress))

@@ -222,9 +222,9 @@ def _save_figures(
 ) -> list[str]:
     """Draw the figures of files, and one that compares their motions; the names of all."""
     from freefloat.io.results import load
+    from freefloat.visualization.comparison_figure import comparison_figure
     from freefloat.visualization.figure_style import save_figures
-    from freefloat.visualization.figures.comparison_figure import comparison_figure
-    from freefloat.visualization.figures.figures import figures
+    from freefloat.visualization.figures import figures
 
     written: list[Path] = []
     motions: dict[str, Motion] = {}

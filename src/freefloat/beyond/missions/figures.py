@@ -18,12 +18,8 @@ from freefloat.motion.motion import Motion
 from freefloat.planning.answer import PhaseResult, violation_of
 from freefloat.so3 import Array, angle_between
 from freefloat.visualization import figure_style as style
-from freefloat.visualization.figures.figures import (
-    angle_figures,
-    drawn_motion_figures,
-    plan_figures,
-)
-from freefloat.visualization.figures.motion_figures import joint_scale, limited_angles, shown_times
+from freefloat.visualization.figures import angle_figures, drawn_motion_figures, plan_figures
+from freefloat.visualization.motion_figures import joint_scale, limited_angles, shown_times
 from freefloat.visualization.scenes.scene import Place, motion_scene
 from freefloat.visualization.scenes.scene_builder import PageScene
 

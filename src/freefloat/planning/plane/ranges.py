@@ -19,6 +19,7 @@ from freefloat.dynamics.joint_space import largest_measure
 from freefloat.ensemble.integrators import integrator_for
 from freefloat.errors import InputError
 from freefloat.motion.problem import Problem
+from freefloat.planning.planar_touch_points import planar_touch_points
 from freefloat.planning.plane.arcs import (
     MARGIN,
     REACH,
@@ -29,8 +30,7 @@ from freefloat.planning.plane.arcs import (
     branch_ranges,
 )
 from freefloat.planning.settings import SearchDomain, branch_changes
-from freefloat.planning.touching.planar_points import planar_touch_points
-from freefloat.planning.touching.touch_point import TouchPoint
+from freefloat.planning.touch_point import TouchPoint
 from freefloat.regions.planar_regions import PlanarArm, point_3_on_path
 from freefloat.so3 import Array
 

@@ -30,7 +30,7 @@ from freefloat.planning.settings import FEWEST_SAMPLES, HEADINGS, Search
 from freefloat.planning.space.attitude_map import AttitudeMap, find_regions
 from freefloat.planning.space.climbing import feasible_peaks, nearest_feasible
 from freefloat.planning.space.deepest_ball import deepest
-from freefloat.planning.touching.touch_points import (
+from freefloat.planning.touch_points import (
     boundary_attitude,
     require_touch_points,
     sample_touch_points,

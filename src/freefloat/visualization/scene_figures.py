@@ -27,7 +27,6 @@ from freefloat.robot.shapes import Box, Cylinder, corners
 from freefloat.scene.scene_body import SceneBody
 from freefloat.so3 import Array, Pose, cross
 from freefloat.visualization import figure_style as style
-from freefloat.visualization.figures.workspace_figure import draw_areas, draw_lines, draw_path
 from freefloat.visualization.scenes.overlays import surface_of_revolution
 from freefloat.visualization.scenes.surroundings import body_visuals
 from freefloat.visualization.scenes.visuals import (
@@ -39,6 +38,7 @@ from freefloat.visualization.scenes.visuals import (
     robot_visuals,
     view_direction,
 )
+from freefloat.visualization.workspace_figure import draw_areas, draw_lines, draw_path
 
 _INSTANTS, _VIEWS = 5, 3
 """Number of robots drawn in the plane and in space."""

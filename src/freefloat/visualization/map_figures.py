@@ -22,7 +22,7 @@ from freefloat.motion.extrema import closest_approach
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.margin import keeps_threshold
 from freefloat.planning.space.attitude_map import AttitudeMap
-from freefloat.planning.touching.touch_point import TouchKind
+from freefloat.planning.touch_point import TouchKind
 from freefloat.so3 import Array
 from freefloat.visualization import figure_style as style
 from freefloat.visualization.slices import Slice, rotation_vectors

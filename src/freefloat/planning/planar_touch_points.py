@@ -21,7 +21,7 @@ from contourpy import contour_generator
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.motion.problem import Problem
 from freefloat.paths.timing import Timing
-from freefloat.planning.touching.touch_point import TouchKind, TouchPoint, distinct, roots_between
+from freefloat.planning.touch_point import TouchKind, TouchPoint, distinct, roots_between
 from freefloat.regions.margin_curves import MarginCurve, level_curves
 from freefloat.regions.planar_regions import Complex, PlanarArm, point_3, two_angles
 from freefloat.so3 import Array, angle_between, frozen, wrapped

@@ -27,7 +27,7 @@ from freefloat.attitude_grids import even_directions
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.ik.analytic import spherical_wrist_angles
 from freefloat.motion.problem import Problem
-from freefloat.planning.touching.touch_point import roots_between
+from freefloat.planning.touch_point import roots_between
 from freefloat.rotations import Rotation
 from freefloat.so3 import Array
 

@@ -14,7 +14,7 @@ from freefloat.motion.motion import Ending, Motion
 from freefloat.motion.problem import Problem
 from freefloat.planning.margin_map import HeadingMap
 from freefloat.planning.plane.arcs import BranchRanges
-from freefloat.planning.touching.touch_point import TouchKind, TouchPoint
+from freefloat.planning.touch_point import TouchKind, TouchPoint
 from freefloat.regions.margin_curves import MarginCurve, level_curves
 from freefloat.regions.planar_regions import PlanarArm, point_3, point_3_on_path, two_angles
 from freefloat.so3 import Array

@@ -22,9 +22,9 @@ from freefloat.errors import InputError
 from freefloat.motion.extrema import closest_approach
 from freefloat.motion.motion import State
 from freefloat.motion.problem import Problem
-from freefloat.planning.touching.margin_lines import StatesOnPath, margin_lines, path_of_point_3
-from freefloat.planning.touching.planar_points import planar_touch_points
-from freefloat.planning.touching.touch_point import (
+from freefloat.planning.margin_lines import StatesOnPath, margin_lines, path_of_point_3
+from freefloat.planning.planar_touch_points import planar_touch_points
+from freefloat.planning.touch_point import (
     TouchKind,
     TouchPoint,
     distinct_in_space,

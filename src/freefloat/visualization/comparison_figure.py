@@ -13,7 +13,7 @@ from freefloat.errors import InputError
 from freefloat.io.trajectory import Trajectory
 from freefloat.motion.motion import Motion
 from freefloat.visualization.figure_style import BLACK, PAGE, PALE, legend_above, new_figure, styled
-from freefloat.visualization.figures.motion_figures import (
+from freefloat.visualization.motion_figures import (
     attitude_curves,
     draw_panel,
     joint_scale,

@@ -15,7 +15,7 @@ from freefloat.motion.extrema import ClosestApproach
 from freefloat.motion.motion import Ending, Motion
 from freefloat.motion.pointing import AttitudeLimits, Keep, angle_of
 from freefloat.motion.setting import Setting
-from freefloat.planning.touching.touch_point import touches
+from freefloat.planning.touch_point import touches
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.rotations import Rotation
 from freefloat.so3 import Array, angle_between

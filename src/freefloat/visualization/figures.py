@@ -27,21 +27,17 @@ from freefloat.planning.plane.arcs import BranchRanges
 from freefloat.planning.simulation import Simulation, simulate
 from freefloat.planning.space.attitude_map import AttitudeMap
 from freefloat.planning.space.mapping import sample_headings
-from freefloat.planning.touching.touch_point import motion_through
+from freefloat.planning.touch_point import motion_through
 from freefloat.regions.margin_curves import has_regions
 from freefloat.regions.planar_regions import has_two_angle_form
 from freefloat.regions.workspace import regions_of, workspace_regions
 from freefloat.visualization.figure_style import Drawings, Figures, styled
-from freefloat.visualization.figures.map_figures import (
-    histogram_figure,
-    slices_figure,
-    touch_points_figure,
-)
-from freefloat.visualization.figures.motion_figures import angles_figure, motion_figures
-from freefloat.visualization.figures.planar_figures import headings_figure, joint_space_figure
-from freefloat.visualization.figures.scene_figures import snapshots_figure
-from freefloat.visualization.figures.workspace_figure import workspace_figure
+from freefloat.visualization.map_figures import histogram_figure, slices_figure, touch_points_figure
+from freefloat.visualization.motion_figures import angles_figure, motion_figures
+from freefloat.visualization.planar_figures import headings_figure, joint_space_figure
+from freefloat.visualization.scene_figures import snapshots_figure
 from freefloat.visualization.slices import Mark, map_marks, map_slices
+from freefloat.visualization.workspace_figure import workspace_figure
 
 _HEADINGS = 720
 _TITLES = {
