@@ -47,7 +47,7 @@ from .errors import InputError as InputError
 # Beyond the paper: an arm on a spacecraft
 from .robot.parts import Payload as Payload
 from .robot.parts import Spacecraft as Spacecraft
-from .robot.source import RobotSource as RobotSource
+from .robot.robot_files import RobotSource as RobotSource
 
 # Beyond the paper: joint space
 from .beyond.joint_space.singularity_map import singularity_map as singularity_map

@@ -14,8 +14,8 @@ import pytest
 import trimesh
 
 from freefloat.robot.bundled import examples_folder
-from freefloat.robot.mesh_files import MeshFileError, find_mesh
 from freefloat.robot.meshes import Part, read_mesh
+from freefloat.robot.robot_files import MeshFileError, find_mesh
 
 EXAMPLES = [
     examples_folder() / file

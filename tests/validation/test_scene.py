@@ -12,7 +12,7 @@ from scipy.special import ellipj
 
 import freefloat as ff
 from freefloat.limits.pairs import CollisionPairs
-from freefloat.robot.mesh_files import find_mesh
+from freefloat.robot.robot_files import find_mesh
 from freefloat.robot.shapes import MeshFile
 from freefloat.so3 import Pose
 from tests.prismatic import shape_text

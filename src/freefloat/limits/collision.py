@@ -15,8 +15,8 @@ import scipy
 
 from freefloat.errors import ModelError
 from freefloat.robot.description import LinkShape
-from freefloat.robot.mesh_files import MeshFileError, find_mesh
 from freefloat.robot.model import FreeFloatingModel
+from freefloat.robot.robot_files import MeshFileError, find_mesh
 from freefloat.robot.shapes import Box, Capsule, Cylinder, MeshFile, Sphere, corners
 from freefloat.scene.scene import Scene
 from freefloat.so3 import Array, IntArray, Pose

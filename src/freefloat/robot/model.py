@@ -20,7 +20,7 @@ from freefloat.robot.parts import Attachment, Payload, Spacecraft
 from freefloat.robot.pinocchio_model import described
 from freefloat.robot.rigid_bodies import moving_joints, require_within_ranges
 from freefloat.robot.rigid_body_model import RigidBodyModel
-from freefloat.robot.source import RobotSource
+from freefloat.robot.robot_files import RobotSource
 from freefloat.so3 import Array
 
 

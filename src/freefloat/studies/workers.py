@@ -26,9 +26,8 @@ from typing import Any, TypeVar
 from freefloat.concurrency import interrupts_deferred, isolated_starts
 from freefloat.errors import InputError
 from freefloat.robot.bundled import is_file
-from freefloat.robot.mesh_files import MeshFileError, find_mesh
+from freefloat.robot.robot_files import MeshFileError, RobotSource, find_mesh
 from freefloat.robot.shapes import MeshFile
-from freefloat.robot.source import RobotSource
 from freefloat.robot.urdf import parse_urdf
 from freefloat.studies.study import Study
 
