@@ -9,8 +9,7 @@ import pytest
 from scipy.interpolate import CubicHermiteSpline
 
 import freefloat as ff
-from freefloat.planning.timing.agreement import with_speeds
-from freefloat.planning.timing.speed_profile import fastest_speeds
+from freefloat.planning.timing.speed_profile import fastest_speeds, with_speeds
 from tests.commands import document, run
 from tests.errors import error_key
 from tests.fastest_timing import toppra_duration
