@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import freefloat as ff
-from freefloat.ensemble.many_motions import ManyMotions
+from freefloat.ensemble.disturbed_motions import ManyMotions
 from freefloat.motion.problem import Problem
 from freefloat.planning.motions import SimulatedBranch
 from tests.errors import error_key

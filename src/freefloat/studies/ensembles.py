@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from freefloat.concurrency import available_cores
+from freefloat.ensemble.disturbed_motions import ManyMotions
 from freefloat.ensemble.endings import DECIDERS
-from freefloat.ensemble.many_motions import ManyMotions
 from freefloat.kinds import STUDY_COMMANDS, named
 from freefloat.motion.motion import Ending
 from freefloat.robot.model import range_ratios
