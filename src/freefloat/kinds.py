@@ -54,10 +54,11 @@ class SectionKind:
 
 SECTIONS = {
     "goal": SectionKind(
-        "beyond.missions.phase_section:GoalSection", "beyond.missions.posed:PosedGoal"
+        "beyond.missions.phase_section:GoalSection", "beyond.missions.goal_phase:PosedGoal"
     ),
     "phases": SectionKind(
-        "beyond.missions.phase_section:PhaseSection", "beyond.missions.posed:PosedManoeuvre"
+        "beyond.missions.phase_section:PhaseSection",
+        "beyond.missions.manoeuvre_planner:PosedManoeuvre",
     ),
 }
 """Sections of scenario files that ask for more than a path, by key."""

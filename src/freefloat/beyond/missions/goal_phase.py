@@ -1,20 +1,26 @@
-"""Phases in which the joints move to a goal."""
+"""Goals of scenarios, and phases in which the joints move to a goal."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, ClassVar, cast
 
 import numpy as np
 
 from freefloat.beyond.missions.goals.goal import Goal
-from freefloat.beyond.missions.goals.goal_motion import GoalMotion
+from freefloat.beyond.missions.goals.goal_motion import GoalMotion, goal_setting
 from freefloat.beyond.missions.manoeuvre import Phase
 from freefloat.beyond.missions.state import ExpectedState, SystemState
+from freefloat.concurrency import Progress
 from freefloat.errors import InputError, require_type, seed_number
 from freefloat.limits.limits import Limits
+from freefloat.motion.motion import Motion
 from freefloat.motion.setting import JointSetting
 from freefloat.scene.scene import FRAMES
+
+if TYPE_CHECKING:  # pydantic imports slowly
+    from freefloat.io.scenario.scenario import Scenario
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,3 +82,55 @@ class GoalPhase(Phase):
             self.goal.seen_from(state.centre), first_duration=state.problem.path.duration,
         )  # fmt: skip
         return move_from(query, seed=self.seed)
+
+
+class PosedGoal:
+    """The motion to a goal that a scenario asks for.
+
+    Attributes:
+        goal: The goal.
+        present: Attitude of the spacecraft, unit quaternion x, y, z, w, and joints (n,) at the
+            start.
+    """
+
+    def __init__(self, scenario: Scenario) -> None:
+        """Read a scenario with a goal.
+
+        Raises:
+            InputError: If a value is invalid, or the present state is missing.
+        """
+        self.goal: Goal = cast(Goal, scenario.goal())
+        self._scenario, self._search = scenario, scenario.search()
+        with scenario.error_context():
+            self.present = self._search.present_state(scenario.model())
+
+    @cached_property
+    def setting(self) -> JointSetting:
+        """Robot, momentum and scene.
+
+        Raises:
+            InputError: If the goal does not suit them.
+        """
+        system, scene = self._scenario.system(), self._scenario.scene()
+        with self._scenario.error_context():
+            setting = goal_setting(system, self.present[0], self.goal, scene)
+            self.goal.require_applicable(setting)
+        return setting
+
+    def plan(self, *, threads: int | None = None, progress: Progress | None = None) -> GoalMotion:
+        """The motion, see :func:`freefloat.move`; on one core."""
+        from freefloat.beyond.missions.goals.mover import move  # compiled kernels
+
+        arguments = self._arguments()
+        with self._scenario.error_context():
+            return move(*arguments, seed=self._search.seed, progress=progress)
+
+    def sketch(self) -> Motion | None:
+        """See :func:`~freefloat.beyond.missions.goals.mover.sketch`."""
+        from freefloat.beyond.missions.goals.mover import sketch  # compiled kernels
+
+        return sketch(*self._arguments(), seed=self._search.seed)
+
+    def _arguments(self) -> tuple[Any, ...]:
+        scenario = self._scenario
+        return scenario.system(), self.present, self.goal, scenario.limits(), scenario.scene()

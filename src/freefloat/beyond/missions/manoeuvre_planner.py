@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -24,6 +26,9 @@ from freefloat.planning.answer import PhaseResult
 from freefloat.planning.planner import plan
 from freefloat.planning.settings import Search
 from freefloat.so3 import Array, angle_between
+
+if TYPE_CHECKING:  # pydantic imports slowly
+    from freefloat.io.scenario.scenario import Scenario
 
 _SAME_STATE = 1e-9
 """Angle between attitudes, and difference of joints, that are the same [rad, m]."""
@@ -142,3 +147,36 @@ def _following(
         if not result.feasible:
             return
         state = phase.end(state, result)
+
+
+class PosedManoeuvre:
+    """The manoeuvre that a scenario asks for: phases follow its path, or a reorientation leads."""
+
+    def __init__(self, scenario: Scenario) -> None:
+        """Keep the scenario."""
+        self._scenario = scenario
+
+    @cached_property
+    def phases(self) -> tuple[Phase, ...]:
+        """What follows the path, see :meth:`.Scenario.phases`."""
+        scenario, content = self._scenario, self._scenario.content
+        problem, folder = scenario.problem(), scenario.source.parent
+        keys, phases = list[str](), list[Phase]()
+        with scenario.error_context():
+            resting = problem.at_rest(problem.path.duration)
+            posed = resting, folder, scenario.samples, content.search.seed
+            for number, section in enumerate(content.phases):
+                keys.append(f"phases.{number}.capture" if section.capture else f"phases.{number}")
+                with keys_within(keys[-1]):
+                    phases.append(section.to_phase(*posed))
+            return checked_phases(resting, phases, keys)
+
+    def plan(self, *, threads: int | None = None, progress: Progress | None = None) -> Manoeuvre:
+        """The manoeuvre, see :func:`freefloat.plan_manoeuvre`."""
+        scenario = self._scenario
+        problem, search, phases = scenario.problem(), scenario.search(), scenario.phases()
+        reorient = scenario.content.search.reorient
+        with scenario.error_context():
+            return plan_manoeuvre(
+                problem, phases, search, reorient=reorient, threads=threads, progress=progress
+            )
