@@ -44,7 +44,7 @@ GROUPS: dict[str, Callable[[bool], list[Result]]] = {
 
 HEADLINES = (
     "a generalized Jacobian, six joints",
-    "one motion of Example 2, tolerance 1e-8",
+    "one precise motion of Example 2 with its trajectory",
     "all headings of Example 1 without stop, exactly",
     "map of Example 2, 4,096 attitudes, 32,768 motions",
     "one motion of an ensemble, Example 2",
