@@ -19,7 +19,6 @@ from collections.abc import Callable
 from pathlib import Path
 
 from benchmarks.batches import batch_results
-from benchmarks.bound import bound_results
 from benchmarks.compiled import compiled_results
 from benchmarks.costs import cost_results
 from benchmarks.jacobians import jacobian_results
@@ -37,7 +36,6 @@ GROUPS: dict[str, Callable[[bool], list[Result]]] = {
     "scaling": scaling_results,
     "batches": batch_results,
     "costs": cost_results,
-    "bound": bound_results,
     "compiled": compiled_results,  # last: the compiler takes more memory than any study
 }
 
