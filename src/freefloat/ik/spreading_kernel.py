@@ -9,9 +9,6 @@ import numpy as np
 from freefloat.lockstep.compilation import compiled
 from freefloat.so3 import Array, BoolArray
 
-_TURNS = 1.0 / tau
-"""Full turns in a radian."""
-
 
 @compiled
 def spread(prismatic: BoolArray, q: Array, closest: float, chosen: Array) -> None:
@@ -25,7 +22,7 @@ def spread(prismatic: BoolArray, q: Array, closest: float, chosen: Array) -> Non
     """
     n, count, poses = q.shape
     own = np.empty((n, count))  # the configurations at a pose, side by side
-    distance, largest = np.empty(count), np.empty(count)
+    distance, largest, turns = np.empty(count), np.empty(count), 1.0 / tau
     for k in range(poses):
         for b in range(count):
             distance[b] = -1.0 if np.isnan(q[0, b, k]) else np.inf
@@ -44,7 +41,7 @@ def spread(prismatic: BoolArray, q: Array, closest: float, chosen: Array) -> Non
                 chosen[j, column, k] = value
                 for b in range(count):
                     difference = own[j, b] - value
-                    difference -= turn * np.rint(difference * _TURNS)
+                    difference -= turn * np.rint(difference * turns)
                     largest[b] = max(largest[b], abs(difference))
             for b in range(count):
                 distance[b] = min(distance[b], largest[b])
