@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from functools import cache
 from pathlib import Path
 
@@ -12,7 +11,6 @@ import pytest
 import freefloat as ff
 from freefloat.planning.plan import Plan
 from freefloat.visualization.figures import figures as figures_module
-from tests.commands import document
 from tests.figures import labels, line
 from tests.scenarios import PARABOLA
 
@@ -72,10 +70,3 @@ def test_plans_that_are_not_feasible_show_what_there_is(folder: Path) -> None:
     drawings = ff.figures(result)
     assert list(drawings) == ["workspace", "joint_space", "headings"]
     assert all(len(axes.patches) == 0 for axes in drawings["headings"].axes)
-
-
-@pytest.mark.slow
-def test_commands_write_pdf_and_png_and_list_them(folder: Path) -> None:
-    plots = document("map", "strict.yaml", "--samples", "36", "--plots", "drawn", code=1)["plots"]
-    assert plots == ["drawn/headings.pdf", "drawn/headings.png"]
-    assert sorted(os.listdir("drawn")) == ["headings.pdf", "headings.png"]

@@ -12,14 +12,12 @@ from scipy.spatial.transform import Rotation
 
 import freefloat as ff
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
-from freefloat.planning.plan import Plan
 from freefloat.planning.space.mapping import sample_attitudes
 from freefloat.so3 import heading_quaternion
 from freefloat.visualization.page import pictures
 from freefloat.visualization.scenes.map_scene import BACK, BALL, BEST_BRANCH, FRONT
 from tests.browser import CONTRASTS, differing, opened
-
-GOOD, BAD = [0.46008, 0.09337, 0.73519, -0.48898], [0.1, 0.5, 0.2, -0.8367]
+from tests.motions import BAD, GOOD
 
 
 @pytest.mark.slow
@@ -233,10 +231,3 @@ def test_a_page_shows_a_map(browser: Browser, spatial: ff.Problem, tmp_path: Pat
         page.page.locator("#sample button").click()
         page.page.get_by_text("Copied").wait_for()
         assert page.errors == []
-
-
-def test_what_cannot_be_shown_is_refused(spatial: ff.Problem) -> None:
-    infeasible = Plan(spatial, ff.Search(), False, "for a test")
-    for result in (infeasible, spatial, {"name": spatial}, {}):
-        with pytest.raises(ff.InputError):
-            ff.playback(result)  # type: ignore[arg-type]
