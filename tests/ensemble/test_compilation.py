@@ -20,8 +20,6 @@ from freefloat.ensemble.ensemble import EnsembleIntegrator
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.lockstep.cache_files import CheckedCacheFile
 from freefloat.lockstep.compilation import compiled
-from freefloat.lockstep.lanes import WIDTH
-from freefloat.lockstep.tables import workspace
 from freefloat.motion.motion import Motion
 from freefloat.so3 import frozen
 from tests.commands import without_progress
@@ -271,14 +269,3 @@ def used(problem: ff.Problem) -> Motion:
     results = FeasibilityEvaluator(problem, 1).evaluate(attitude[None], stop_at_margin=True)
     assert (results.motions.endings >= 0).any()
     return ff.simulate(problem, attitude).chosen.motion
-
-
-def test_arrays_of_a_workspace_begin_where_cache_lines_do() -> None:
-    """And do not overlap."""
-    arrays = workspace((3,), (2, 5), (0,), (7,))
-    assert [array.shape for array in arrays] == [(3, WIDTH), (2, 5, WIDTH), (0, WIDTH), (7, WIDTH)]
-    for number, array in enumerate(arrays):
-        assert array.size == 0 or array.ctypes.data % 64 == 0
-        assert not array.any()
-        array[:] = number + 1.0
-    assert [set(array.ravel().tolist()) for array in arrays] == [{1.0}, {2.0}, set(), {4.0}]
