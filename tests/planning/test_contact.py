@@ -5,7 +5,6 @@ With the elbow on one side the margin is larger, and the robot of ``planar_2dof`
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -82,13 +81,6 @@ def test_a_simulation_chooses_the_branch_without_contact(problem: ff.Problem) ->
     assert not other.feasible
     assert "spacecraft - link_2" in other.reason
     assert " m: -0.03799" in other.reason
-
-
-def test_the_fastest_timing_is_of_a_motion_without_contact(problem: ff.Problem) -> None:
-    sought = problem.replace(
-        path=replace(problem.path, timing=ff.Timing(30.0, ff.paths.TimeLaw.OPTIMAL))
-    )
-    assert_kept(*(ff.plan(sought, AROUND, limits) for limits in (DEFAULT, OFF)))
 
 
 def test_no_phase_of_a_manoeuvre_is_in_contact(problem: ff.Problem) -> None:

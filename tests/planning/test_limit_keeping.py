@@ -150,18 +150,3 @@ def test_the_nearest_attitude_is_moved_toward_the_present_one() -> None:
     assert np.degrees(result.deviation) == pytest.approx(19.6, abs=1.5)
     apart = checked_plan(PLANAR.problem(), limits, replace(search, spare=np.radians(2.0)))
     assert np.degrees(apart.deviation - result.deviation) == pytest.approx(2.0, abs=0.1)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("limits", [{"joint_rate": 0.139}, {"base_rate": 0.0492}])
-def test_no_heading_that_keeps_the_limits_has_a_larger_margin(limits: dict[str, float]) -> None:
-    """Beside headings of larger margins that violate them, all half a degree apart."""
-    problem, bounds = bundled("planar_2dof/line"), ff.Limits(**limits, clearance="off")
-    plan = checked_plan(problem, bounds, ff.Search())
-    chosen = plan.chosen
-    assert chosen is not None
-    assert plan.heading is not None
-    for degrees in range(-10, 11):
-        heading = plan.heading + np.radians(0.5 * degrees)
-        other = ff.simulate(problem, heading=heading, branch=chosen.branch.index, limits=bounds)
-        assert not other.feasible or other.chosen.minimum_margin < chosen.minimum_margin + 1e-9

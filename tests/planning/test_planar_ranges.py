@@ -1,4 +1,4 @@
-"""Exact ranges of heading: compared with precise motions, and their properties."""
+"""Exact ranges of heading, also within limits of attitude: compared with precise motions."""
 
 import numpy as np
 import pytest
@@ -6,8 +6,9 @@ import pytest
 import freefloat as ff
 from freefloat.planning.plane.arcs import MARGIN, REACH
 from freefloat.planning.plane.ranges import find_range_limits, heading_ranges, reach_limits
-from freefloat.so3 import heading_quaternion
+from freefloat.so3 import angle_between, heading_quaternion
 from tests.motions import Z, along, chain
+from tests.redundant import redundant
 
 
 @pytest.fixture(scope="module")
@@ -60,3 +61,102 @@ def test_the_arm_reaches_the_path_from_one_side_of_a_reach_limit(radius):
     for heading in limits:
         sides = (heading_quaternion(heading + offset) for offset in (-1e-6, 1e-6))
         assert {bool(problem.branches(side, 0.0)) for side in sides} == {True, False}
+
+
+ROOT = ff.PointingLimit("spacecraft", [0.0, 1.0, 0.0], 1.4, "outside", direction=[1.0, 0.5, 0.3])
+LINK = ff.PointingLimit("link_1", [1.0, 0.0, 0.2], 1.6, point=[1.0, 4.0, 0.5])
+
+
+def keeps(motion, limits: ff.Limits) -> bool:
+    """Whether a motion keeps limits at many instants."""
+    _, attitudes, joints = motion.evaluate(np.linspace(0.0, motion.panels, 500))
+    model = motion.problem.model
+    for limit in limits.pointing:
+        pairs = [limit.vectors(model, a, q) for a, q in zip(attitudes, joints, strict=True)]
+        angles = np.arccos([axis @ target for axis, target in pairs])
+        inside = limit.keep == "inside"
+        if not (angles <= limit.angle if inside else angles >= limit.angle).all():
+            return False
+    turn = angle_between(attitudes, attitudes[0]).max()
+    return bool(limits.base_turn is None or turn <= limits.base_turn)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "limits", "cause", "measure"), [
+    ("planar_3dof/parabola", ff.Limits(pointing=(ROOT,)), "pointing", "det A"),
+    ("planar_3dof/parabola", ff.Limits(pointing=(LINK,)), "pointing", "det A"),
+    ("planar_2dof/line", ff.Limits(base_turn=0.6), "base_turn", "det A"),
+    ("planar_2dof/line", ff.Limits(base_turn=0.6), "base_turn", "det S*"),
+])  # fmt: skip
+def test_ranges_end_where_a_limit_is_just_kept(
+    name: str, limits: ff.Limits, cause: str, measure: str
+) -> None:
+    problem = ff.load_scenario(name).problem()
+    if measure == "det S*":
+        other = ff.singularity_measure(problem.model, problem.task, measure)
+        problem = problem.replace(margin=ff.Margin(other, 0.01))
+    free, plan = ff.plan(problem), ff.plan(problem, limits=limits)
+    found = 0
+    for before, entry in zip(free.ranges, plan.ranges, strict=True):
+        headings = np.radians(np.arange(0.5, 360.0, 30.0))
+        ends = [
+            end
+            for part in entry.ranges
+            for end in zip((part.low, part.high), part.causes, strict=False)
+        ]
+        probes = [end + d for end, why in ends if why == cause for d in (-1.7e-4, 1.7e-4)]
+        found += len(probes)
+        for heading in [*headings, *probes]:
+            if before.depth(heading) <= 0.0 or abs(entry.depth(heading)) < 1e-6:
+                assert entry.depth(heading) <= 1e-6
+                continue
+            attitude = heading_quaternion(heading)
+            joints = next(b.joints for b in problem.branches(attitude) if b.index == entry.branch)
+            motion = ff.integrate_motion(problem, attitude, joints)
+            assert keeps(motion, limits) is bool(entry.depth(heading) > 0.0), np.degrees(heading)
+    assert found
+
+
+def test_no_heading_within_limits() -> None:
+    plan = ff.plan(ff.load_scenario("planar_2dof/line").problem(), limits=ff.Limits(base_turn=0.01))
+    assert not plan.feasible
+    assert not any(entry.ranges for entry in plan.ranges)
+
+
+@pytest.mark.slow
+def test_the_starts_of_a_redundant_arm_are_followed_through_samples() -> None:
+    """A limit ends its ranges; the tolerance is that of the chosen start; a map has one branch."""
+    start = redundant("3", ff.Task.PLANAR_POSITION, None, seed=1)
+    measure, limits = start.problem.margin.measure, ff.Limits(base_turn=0.12)
+    problem = start.problem.replace(margin=ff.Margin(measure, 0.3 * measure(start.joints)))
+    plan, samples = ff.plan(problem, limits=limits), ff.attitude_map(problem, 90, limits=limits)
+    assert [part.causes for part in plan.ranges[0].ranges] == [("margin", "base_turn")]
+    near = problem.replace(start_joints=plan.motion.initial.joints)
+    for turn, kept in ((0.99, True), (4.0, False)):
+        headings = plan.heading + turn * plan.robust_radius * np.array([-1.0, 1.0])
+        motions = [ff.simulate(near, heading=heading).motion for heading in headings]
+        assert all(keeps(motion, limits) for motion in motions) is kept
+    assert {region.branch for region in (*samples.regions, samples.best)} == {None}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("excess", [-1e-8, 1e-8])
+def test_a_narrow_range_is_found_where_the_present_attitude_is_at_its_edge(excess: float) -> None:
+    """Headings keep the cone over 0.6 degrees less the turn; the samples are a degree apart."""
+    line, present, edge = ff.load_scenario("planar_2dof/line").problem(), 0.3, np.radians(0.3)
+    start = line.path.pose(0.0).position
+    curve = ff.paths.PolynomialCurve.line(start, np.add(start, [0.03, 0.03, 0.0]))
+    measure = ff.singularity_measure(line.model, line.task, "det S*")
+    path = ff.TimedPath(ff.EndEffectorPath(curve), line.path.timing)
+    problem = line.replace(path=path, margin=ff.Margin(measure, 0.01))
+    motion = ff.simulate(problem, heading=present, branch=1).chosen.motion
+    turn = motion.problem.plane.heading(motion.final.attitude) - present
+    assert -edge < turn < 0.0
+    towards = present + turn + edge + excess
+    cone = ff.PointingLimit("spacecraft", [1.0, 0.0, 0.0], edge, "inside",
+                            direction=[np.cos(towards), np.sin(towards), 0.0])  # fmt: skip
+    search = ff.Search(objective="nearest", from_attitude=heading_quaternion(present))
+    plan = ff.plan(problem, search, limits=ff.Limits(pointing=(cone,)))
+    (found,) = plan.ranges[1].ranges
+    assert found.low == pytest.approx(present + excess, abs=1e-6)
+    assert found.high == pytest.approx(towards + edge, abs=1e-4)

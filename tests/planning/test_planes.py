@@ -157,19 +157,6 @@ def test_ranges_within_pointing_limits_are_those_of_the_arm_about_z() -> None:
 
 
 @pytest.mark.slow
-def test_a_present_attitude_in_an_oblique_plane_that_keeps_limits_is_returned() -> None:
-    """Its motion begins there to rounding, which points out of the plane."""
-    problem = planar_problem(2, "++", turn_to("oblique"), "planar-position", "gjm")
-    present = problem.plane.attitudes(0.5)
-    simulation = ff.simulate(problem, present, limits=ff.Limits(joint_rate=[9.0, 9.0]))
-    rate = 1.001 * abs(simulation.limit_results[0].worst)
-    limits = ff.Limits(joint_rate=[rate, rate])
-    plan = ff.plan(problem, ff.Search("nearest", present), limits)
-    assert plan.feasible
-    assert plan.deviation < 1e-9
-
-
-@pytest.mark.slow
 def test_goals_and_rounded_momenta_are_planned_in_any_plane() -> None:
     turn = turn_to("oblique")
     problem = planar_problem(1, "+-+", turn, "planar-pose", "system")

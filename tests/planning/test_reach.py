@@ -36,10 +36,6 @@ def test_the_place_where_a_path_leaves_the_reach_lies_on_the_reach() -> None:
     assert f"s = {s:.3g}" in str(reach_message(problem))
 
 
-def test_a_path_within_reach_is_left_alone() -> None:
-    assert reach_message(ff.load_scenario("spatial_6dof/line").problem()) is None
-
-
 def test_simulations_of_paths_out_of_reach() -> None:
     with pytest.raises(UnreachableError):
         ff.simulate(along([1000.0, 0.0, 0.0], [1.0, 0.0, 0.0]), [0.0, 0.0, 0.0, 1.0])

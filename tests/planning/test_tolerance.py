@@ -14,7 +14,8 @@ from freefloat.dynamics.generalized_jacobian import generalized_determinant
 from freefloat.ensemble.ensemble import EnsembleIntegrator
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.ensemble.systems import Systems
-from freefloat.planning.candidates import Tolerance
+from freefloat.planning.candidates import SearchEffort, Tolerance
+from freefloat.planning.space import deepest_ball, deviations
 from freefloat.planning.space.deviations import tolerance
 from tests.motions import bundled
 
@@ -147,11 +148,16 @@ def test_scaling_duration_and_momentum_is_equivalent(drifting: Case) -> None:
 
 
 @pytest.mark.slow
-def test_the_attitude_tolerance_of_a_redundant_arm_is_that_of_its_chosen_motion() -> None:
+@pytest.mark.usefixtures("smaller")
+def test_the_attitude_tolerance_of_a_redundant_arm_is_that_of_its_chosen_motion(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    for search in (deviations, deepest_ball):
+        monkeypatch.setattr(search, "EFFORT", SearchEffort(256, 6))
     problem = bundled("panda_servicer/line")
     plan = ff.plan(problem, ff.Search("robust", samples=8))
     start = plan.chosen.motion.initial
-    axes = attitude_grid(512)[:, :3]
+    axes = attitude_grid(128)[:, :3]
     for fraction, all_keep in ((0.98, True), (1.3, False)):
         turns = plan.robust_radius * fraction * axes / np.linalg.norm(axes, axis=1)[:, None]
         around = Rotation.from_quat(start.attitude) * Rotation.from_rotvec(turns)
