@@ -178,29 +178,6 @@ def test_few_and_other_runs_are_executed_alone_and_say_why(tmp_path: Path) -> No
     assert why_run_by_run(a_study(tmp_path, momentum, cases=30, files="none")) is None
 
 
-@pytest.mark.slow
-def test_mounts_and_spacecraft_vary(tmp_path: Path) -> None:
-    spacecraft = {"mass": 200, "inertia": [35, 35, 35], "mount": {"xyz": [0, 0, 0.5]}}
-    robot = {"urdf": "example-robot-data:ur5", "end_effector": "tool0", "spacecraft": spacecraft}
-    line = {"line": {"from": [0.6, 0, 0.75], "to": [0.5, 0.2, 0.75]},
-            "attitude": {"fixed": {"rpy": [0, 1.5707963268, 0]}}}  # fmt: skip
-    base = {"robot": robot, "task": "pose", "path": line, "timing": {"duration": 20},
-            "margin": {"measure": "gjm", "value": 0.03}}  # fmt: skip
-    vary = {
-        "robot.spacecraft.mass": {"uniform": [150, 250]},
-        "robot.spacecraft.com": {"uniform": [[-0.1, -0.1, -0.1], [0.1, 0.1, 0.1]]},
-        "robot.spacecraft.mount.xyz.2": {"uniform": [0.45, 0.55]},
-        "robot.spacecraft.mount.rpy": {"uniform": [[-0.1, -0.1, -0.1], [0.1, 0.1, 0.1]]},
-        "robot.scale_mass": {"list": [{"forearm_link": 1.3}, {"spacecraft": 0.9}]},
-    }
-    study = a_study(tmp_path, vary, base=base, cases=16, heading_deg=None,
-                    attitude=[0, 0, 0, 1], files="none")  # fmt: skip
-    rows = rows_of(study, tmp_path / "out")
-    assert all(str(row["decided_by"]).startswith("ensemble") for row in rows)
-    for number in (0, 9, 20, 31):
-        assert_same(rows[number], alone(study, number))
-
-
 @pytest.mark.parametrize(
     ("vary", "kept"),
     [

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-import yaml
 
 import freefloat as ff
 from freefloat.studies.portable import PortableStudy
@@ -80,19 +79,6 @@ def test_the_arm_branch_of_the_unvaried_motion_is_found_once_and_kept(tmp_path: 
     ])  # fmt: skip
     rest = list(run_study(study, tmp_path / "part", workers=1, report=False).rows)[10:]
     assert [row["margin"] for row in rest] == [row["margin"] for row in every[10:]]
-
-
-def test_errors_of_the_attitude_leave_the_arm_in_its_branch(tmp_path: Path) -> None:
-    centre = [0.46008, 0.09337, 0.73519, -0.48898]
-    vary = {"attitude": {"so3": {"center": centre, "angle_deg": 3.0}}}
-    scenario = ff.load_scenario("spatial_6dof/line")
-    base = yaml.safe_load(scenario.text) | {"robot": ROBOT | {"urdf": "spatial_6dof"}}
-    study = a_study(tmp_path, vary, base=base, cases=24, files="none", heading_deg=None)
-    chosen = scenario.simulate(centre).chosen.branch
-    rows = list(run_study(study, tmp_path / "out", workers=1, report=False).rows)
-    assert {row["branch"] for row in rows} == {chosen.index}
-    joints = np.array([[row[f"joints.{k}"] for k in range(6)] for row in rows])
-    assert np.abs(joints - chosen.joints).max() < 0.5
 
 
 def test_an_unvaried_scenario_without_a_motion_is_said_before_all_runs(tmp_path: Path) -> None:
