@@ -135,24 +135,6 @@ def test_links_that_held_joints_separate_are_compared(tmp_path, rpy, held, where
     assert held or error_key(ff.load_scenario(content).model) == "robot.held.h1"
 
 
-@pytest.mark.parametrize(("rpy", "end", "fixed", "least", "left_out"), [
-    ("0 0 0", "fore", {"h2": np.pi, "x": 2.0}, 0.0, ()),  # the joint that moves turns it in the bus
-    ("0 0 0", "hand", {"h2": 0.0}, 0.6, ("bus - fore: always too near",)),
-    (f"0 {np.pi} 0", "hand", {"h1": 0.0}, 0.0, ()),
-    (f"0 {np.pi} 0", "hand", {}, 0.0,
-     ("bus - fore: too near with joints at zero that robot.held does not name",)),
-])  # fmt: skip
-def test_links_are_compared_where_other_values_of_held_joints_part_them(
-    rpy, end, fixed, least, left_out
-):
-    """Or named. Parts of grippers, whose joints nobody holds at a value, overlap at zero."""
-    pairs = CollisionPairs(
-        FreeFloatingModel.from_urdf(folding_arm(rpy), end, fixed_joints=fixed), least
-    )
-    assert pairs.left_out == left_out
-    assert ("bus - fore" in map(pairs.name, range(len(pairs.pairs)))) == (not left_out)
-
-
 def test_every_kind_of_shape_has_its_size(tmp_path):
     """A ball's extent as box, cylinder and mesh: the distance to the bus differs."""
     corners = np.array([[-0.1, 0, 0], [0.2, 0.2, 0.2], [0.2, -0.2, 0.2], [0.2, 0.0, -0.2]])

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 import trimesh
 from scipy.spatial import ConvexHull, Delaunay
-from scipy.spatial.transform import Rotation
 
 from freefloat.limits.collision import all_shapes, shapes_of_bodies, shapes_of_links
 from freefloat.limits.convex_parts import convex_parts
@@ -17,7 +16,6 @@ from freefloat.scene.scene import Scene
 from freefloat.scene.scene_body import SceneBody
 from tests.errors import error_key
 from tests.prismatic import prismatic_robot, shape_text
-from tests.robots import joint_text
 
 
 def volume(parts):
@@ -34,7 +32,6 @@ def step(edge, height):
     return cuboids(([0, 0, 0], [edge, 1, 1]), ([edge, 0, 0], [1, height, 1]))
 
 
-COMB = cuboids(*(([x, 0, 0], [x + 0.3, 3, 1]) for x in range(9)), ([0, 0, 0], [8.3, 0.1, 1]))
 ANGLED = cuboids(([0, 0, 0], [3, 1, 1]), ([2, 1, 0], [3, 3, 1]))
 
 
@@ -45,30 +42,6 @@ def test_a_step_is_cut_beside_its_edge(axis, fraction):
     triangles = 2.0 * np.roll(step(edge, height), axis, axis=2) + np.array([1.0, 2.0, 3.0])
     solid, air = edge + (1.0 - edge) * height, 0.01 * (1.0 - height) / 2.0
     assert volume(convex_parts(triangles, 2)) == pytest.approx(8.0 * (solid + air), abs=1e-9)
-
-
-def test_shapes_are_those_of_all_links_and_bodies(tmp_path):
-    """In the frames of the rigid bodies, meshes in six parts; visuals where none else."""
-    file, place = tmp_path / "comb.stl", Rotation.from_euler("xyz", [0.3, -0.4, 0.5])
-    trimesh.Trimesh(**trimesh.triangles.to_kwargs(COMB)).export(file)
-    ball, mesh = '<sphere radius="0.1"/>', f'<mesh filename="{file}"/>'
-    ball, visual = shape_text(ball), shape_text(mesh, "0 0 1").replace("collision>", "visual>")
-    more = f'<link name="comb">{visual}</link><link name="b2">{ball}{visual}</link>'
-    more += joint_text("c", "F", "hand", "comb", "1 2 3", "0.3 -0.4 0.5")
-    more += joint_text("d", "F", "hand", "b2", "0 0 1")
-    model = FreeFloatingModel.from_urdf(prismatic_robot(ball, ball, more), "hand")
-    scene = Scene([SceneBody("rake", str(file), [9.0, 0.0, 0.0]), SceneBody("wall", str(file))])
-    shapes = all_shapes(shapes_of_links(model, visuals=True))
-    comb = [shape for shape in shapes if shape.link == "comb"]
-    others = [(shape.link, shape.body) for shape in shapes if shape not in comb]
-    assert others == [("bus", 0), ("hand", 3), ("b2", 3)]
-    assert ([shape.body for shape in comb], len({*comb})) == ([3] * 6, 6)
-    ends = np.vstack([shape.points for shape in comb])
-    local = place.inv().apply(ends - [1.0, 2.0, 3.0])
-    np.testing.assert_allclose([local.min(axis=0), local.max(axis=0)], [[0, 0, 1], [8.3, 3, 2]],
-                               atol=1e-6)  # fmt: skip
-    names = [(shape.link, shape.body) for shape in all_shapes(shapes_of_bodies(scene, 4))]
-    assert names == [("rake", 4)] * 6 + [("wall", 5)] * 6
 
 
 @pytest.mark.parametrize("height", [0.0, 0.9, 1.4])

@@ -4,17 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import trimesh
 from scipy.optimize import minimize_scalar
 from scipy.spatial.transform import Rotation
 
-from freefloat.io.scenario.scenario import load_scenario
 from freefloat.limits.check import deepest_contact
 from freefloat.limits.clearance import clearance
 from freefloat.limits.pairs import CollisionPairs
-from freefloat.motion.integration import integrate_motion
 from freefloat.motion.law import PathLaw
-from freefloat.motion.scene_poses import scene_poses
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.parts import Payload
 from freefloat.robot.shapes import Box, Cylinder, Sphere
@@ -93,61 +89,6 @@ def test_links_that_may_touch_are_left_out():
     contact = deepest_contact(prismatic(SceneBody("client", **overlapping)))
     assert contact.bodies == ("hand", "client")
     assert contact.depth == pytest.approx(0.6, abs=1e-6)
-
-
-@pytest.mark.slow
-def test_a_ball_in_the_notch_of_a_mesh_is_no_contact(tmp_path):
-    """Inside the convex hull of an angle of two plates, beside both: meshes are divided."""
-    file = tmp_path / "angle.stl"
-    plates = [trimesh.creation.box((2.0, 0.02, 0.4)), trimesh.creation.box((0.02, 1.0, 0.4))]
-    plates[0].apply_translation([0.0, -0.3, 0.0])
-    plates[1].apply_translation([1.3, 0.2, 0.0])
-    trimesh.util.concatenate(plates).export(file)
-    body = SceneBody("angle", str(file), [1.0, 0.0, 0.0])
-    motion = prismatic(body)
-    assert deepest_contact(motion) is None
-    assert 0.1 < nearest_of(motion)[0] <= 0.3 - 0.01 - RADIUS + 1e-6  # parts contain the mesh
-    raised = prismatic(SceneBody("angle", str(file), [1.0, 0.25, 0.0]))
-    contact = deepest_contact(raised)
-    assert contact.bodies == ("hand", "angle")
-    assert 0.01 + RADIUS - 0.05 - 1e-6 <= contact.depth < 0.12
-
-
-def motion_of(name, attitude, branch, scene):
-    problem = load_scenario(name).problem().replace(scene=scene)
-    attitude = problem.attitude(attitude)
-    return integrate_motion(problem, attitude, problem.branches(attitude)[branch].joints)
-
-
-def random_scene(rng):
-    """A fixed cylinder, a box that moves with the target and a tumbling box around the arm."""
-    far = rng.uniform(1.0, 2.0, 2)[:, None] * rng.normal(size=(2, 3))
-    axes = Rotation.random(2, rng=rng).as_matrix()
-    tumbling = Tumbling([2.0, 3.0, 4.0], rng.normal(size=3) * 0.3, com=[0.2, 0.0, 0.1])
-    return Scene((
-        SceneBody("mast", Cylinder(0.05, 1.0), far[0], axes[0]),
-        SceneBody("plate", Box([0.4, 0.3, 0.01]), [0.2, 0.3, 0.6], motion="target"),
-        SceneBody("client", Box([0.6, 0.5, 0.9]), far[1], axes[1], tumbling),
-    ))  # fmt: skip
-
-
-PANDA = ("panda_servicer/line", [0.0, 0.0, 0.0, 1.0], 1)
-
-
-@pytest.mark.slow
-def test_fine_sampling_finds_nothing_nearer():
-    """The tumbling body meets the spacecraft."""
-    motion = motion_of(*PANDA, random_scene(np.random.default_rng(4)))
-    problem = motion.problem
-    pairs = CollisionPairs(problem.model, scene=problem.scene)
-    every, places = np.arange(len(pairs.pairs)), np.linspace(0.0, motion.panels, 101)
-    sampled = np.array([
-        pairs.distances(q, every, a, scene_poses(motion, t, a, q))
-        for t, a, q in zip(*motion.evaluate(places), strict=True)
-    ])  # fmt: skip
-    nearest = clearance(motion, pairs)
-    assert pairs.name(nearest.pair) == "spacecraft - client"
-    assert sampled.min() - 5e-3 <= nearest.distance <= sampled.min() + 1e-8
 
 
 def test_a_held_body_is_the_shape_of_its_payload():

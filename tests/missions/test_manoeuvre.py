@@ -12,7 +12,6 @@ from freefloat.beyond.missions.phases.manoeuvre import Manoeuvre
 from freefloat.beyond.missions.phases.state import SystemState
 from freefloat.certificate.certificate import certify
 from freefloat.paths.time_laws import TimeLaw
-from freefloat.planning.motions import branch_at
 from freefloat.rotations import rotation_matrix
 from freefloat.so3 import Pose, angle_between
 
@@ -110,17 +109,6 @@ def test_a_margin_is_required_of_later_paths(state: SystemState) -> None:
     for factor, feasible in ((0.99, True), (1.01, False)):
         back = ff.PathPhase(BACK, "back", margin=factor * margin)
         assert back.run(state, limits).feasible is feasible
-
-
-def test_the_branch_of_a_further_path_is_that_of_its_joints(problem: ff.Problem) -> None:
-    chosen = ff.simulate(problem, heading=0.45).chosen
-    state, turns = chosen.motion.initial, np.array([2.0 * np.pi, -2.0 * np.pi])
-    labels = chosen.branch.label, chosen.branch.label, "given"
-    for difference, label in zip((0.0, 5e-7, 2e-6), labels, strict=True):
-        joints = state.joints + turns + np.array([difference, 0.0])
-        branch = branch_at(problem, state.attitude, joints)
-        assert (branch.label, branch.index == chosen.branch.index) == (label, label != "given")
-        np.testing.assert_array_equal(branch.joints, joints)
 
 
 def test_a_state_moves_with_the_path(problem: ff.Problem) -> None:

@@ -137,26 +137,3 @@ def test_the_starts_of_a_redundant_arm_are_followed_through_samples() -> None:
         motions = [ff.simulate(near, heading=heading).motion for heading in headings]
         assert all(keeps(motion, limits) for motion in motions) is kept
     assert {region.branch for region in (*samples.regions, samples.best)} == {None}
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("excess", [-1e-8, 1e-8])
-def test_a_narrow_range_is_found_where_the_present_attitude_is_at_its_edge(excess: float) -> None:
-    """Headings keep the cone over 0.6 degrees less the turn; the samples are a degree apart."""
-    line, present, edge = ff.load_scenario("planar_2dof/line").problem(), 0.3, np.radians(0.3)
-    start = line.path.pose(0.0).position
-    curve = ff.paths.PolynomialCurve.line(start, np.add(start, [0.03, 0.03, 0.0]))
-    measure = ff.singularity_measure(line.model, line.task, "det S*")
-    path = ff.TimedPath(ff.EndEffectorPath(curve), line.path.timing)
-    problem = line.replace(path=path, margin=ff.Margin(measure, 0.01))
-    motion = ff.simulate(problem, heading=present, branch=1).chosen.motion
-    turn = motion.problem.plane.heading(motion.final.attitude) - present
-    assert -edge < turn < 0.0
-    towards = present + turn + edge + excess
-    cone = ff.PointingLimit("spacecraft", [1.0, 0.0, 0.0], edge, "inside",
-                            direction=[np.cos(towards), np.sin(towards), 0.0])  # fmt: skip
-    search = ff.Search(objective="nearest", from_attitude=heading_quaternion(present))
-    plan = ff.plan(problem, search, limits=ff.Limits(pointing=(cone,)))
-    (found,) = plan.ranges[1].ranges
-    assert found.low == pytest.approx(present + excess, abs=1e-6)
-    assert found.high == pytest.approx(towards + edge, abs=1e-4)

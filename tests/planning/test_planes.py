@@ -60,28 +60,6 @@ def test_plans_are_those_of_the_arm_about_z(direction: str, arm: str, tmp_path: 
     assert ff.check(ff.load(tmp_path / "plan.h5")).passed
 
 
-@pytest.mark.slow
-def test_ensembles_are_those_of_the_arm_about_z() -> None:
-    """With wheels, momenta and masses that differ."""
-    margins = []
-    for turn in (np.eye(3), turn_to("oblique")):
-        problem = planar_problem(1, "+-+", turn, "planar-pose", "system")
-        problem = problem.replace(wheel_momentum=turn @ [0.0, 0.0, 0.1])
-        scales = {"link_1": np.linspace(0.9, 1.1, 8)}
-        momenta = np.outer(np.linspace(-0.2, 0.2, 8), turn[:, 2])
-        branch = {"headings": np.full(8, 5.5), "branch": 0}
-        for options in ({"momenta": momenta}, {"scale_mass": scales}):
-            margins.append(ff.simulate_many(problem, **branch, **options).minimum_margins)
-        motion = next(
-            entry.motion for entry in ff.simulate(problem, heading=5.5).branches
-            if entry.branch.index == 0
-        )  # fmt: skip
-        nominal = ff.simulate_many(problem, headings=5.5, branch=0).minimum_margins[0]
-        value = ff.closest_approach(motion, problem.margin.measure).value
-        assert nominal == pytest.approx(abs(value), rel=1e-6)
-    np.testing.assert_allclose(margins[2:], margins[:2], rtol=1e-6)
-
-
 @pytest.mark.parametrize("direction", ["x", "oblique"])
 def test_regions_are_those_of_the_arm_about_z(direction: str) -> None:
     regions = [

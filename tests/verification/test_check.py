@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 import freefloat as ff
 from freefloat.certificate.certificate import certify
-from freefloat.ensemble.endings import COMPLETED, SINGULAR
+from freefloat.ensemble.endings import SINGULAR
 from freefloat.motion.law import PathLaw
 from freefloat.motion.motion import Ending
 from freefloat.planning.simulation import Simulation
@@ -288,22 +288,6 @@ def test_a_map_with_singular_motions_is_verified_after_a_rounding(seed, directio
     assert (found.results.motions.endings == SINGULAR).any()
     ff.save(found, tmp_path / "map.h5")
     assert ff.check(ff.load(tmp_path / "map.h5")).discrepancies == ()
-
-
-def test_minima_of_a_path_there_and_back_are_verified_at_either_instant():
-    """Without momentum the motion is traced back: both halves have the same minimum."""
-    problem = ff.load_scenario("planar_2dof/line").problem()
-    curve = problem.path.path.curve
-    start, end = curve(0.0), curve(1.0)
-    there = ff.paths.PolynomialCurve([start, 4.0 * (end - start), 4.0 * (start - end)])
-    path = ff.TimedPath(ff.EndEffectorPath(there), problem.path.timing)
-    found = ff.attitude_map(problem.replace(path=path, momentum=np.zeros(3)), 36)
-    motions = found.results.motions
-    back = path.duration - motions.minimum_at
-    other = np.where(motions.endings == COMPLETED, back, motions.minimum_at)
-    assert np.nanmax(np.abs(other - motions.minimum_at)) > 1.0
-    mirrored = replace(found.results, motions=motions._replace(minimum_at=other))
-    assert ff.check(replace(found, results=mirrored)).discrepancies == ()
 
 
 @pytest.fixture
