@@ -151,8 +151,10 @@ def related(key: str, row: str) -> bool:
 
 @pytest.fixture(scope="module")
 def written(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, list[dict[str, Any]]]]:
-    """Documents of the commands, whose files are in the present folder."""
-    with chdir(tmp_path_factory.mktemp("reference")):
+    """Documents of the commands, whose files, but for figures, are in the present folder."""
+    with chdir(tmp_path_factory.mktemp("reference")), pytest.MonkeyPatch.context() as patch:
+        patch.setattr("matplotlib.figure.Figure.savefig", lambda *_, **__: None)
+        patch.setattr("freefloat.visualization.figures.figures._HEADINGS", 12)
         yield documents_of_all_commands()
 
 
