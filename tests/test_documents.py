@@ -13,7 +13,7 @@ from IPython.utils.capture import capture_output
 from typer.main import get_command
 
 from freefloat.cli.app import app
-from tests.documents import PAGES, ROOT, Page, assert_shown, blocks_of
+from tests.documents import PAGES, ROOT, Page, blocks_of
 
 CHECKOUT = ("src", "models", "scripts", "tests", "docs", "pyproject.toml", "README.md", "LICENSE")
 """What the commands of CONTRIBUTING.md work on: a copy of it."""
@@ -81,20 +81,3 @@ def test_linked_and_named_files_exist(page: str) -> None:
         assert file.exists(), link
     for script in re.findall(r"`(scripts/\w+\.py)`", PAGES[page]):
         assert (ROOT / script).is_file(), script
-
-
-@pytest.mark.parametrize(
-    ("shown", "printed", "same"),
-    [
-        ("a  1.23 m\n", "a 1.2349 m\n", True),
-        ("4,096 motions\n", "4,097 motions\n", False),
-        ("a\n...\nd\n", "a\nb\nc\nd\n", True),
-        ("a\n...\nd\n", "a\nb\nc\n", False),
-    ],
-)
-def test_outputs_are_compared_to_the_digits_shown(shown: str, printed: str, same: bool) -> None:
-    if same:
-        assert_shown(shown, printed)
-    else:
-        with pytest.raises(AssertionError):
-            assert_shown(shown, printed)

@@ -77,7 +77,7 @@ def with_ranges(text: str, motion: Motion, spare: float) -> str:
     return text
 
 
-@pytest.mark.parametrize("objective", ["nearest", "robust"])
+@pytest.mark.parametrize("objective", ["nearest", "robust", "margin"])
 def test_feasible_sets_without_volume_contain_the_present_attitude(objective: str) -> None:
     """No sample reaches the start; the present attitude follows the path, and check agrees."""
     plan = ff.plan(deck_problem(), ff.Search(objective, IDENTITY, 64))

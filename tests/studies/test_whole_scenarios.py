@@ -58,8 +58,7 @@ MOUNTS: dict[str, Any] = {
     "robot.spacecraft.mount.xyz.2": {"uniform": [0.45, 0.55]},
     "robot.spacecraft.mount.rpy.1": {"uniform": [-0.05, 0.05]},
 }
-
-
+FACTORS = {"robot.scale_mass": {"list": [{"forearm_link": 1.3}, {"spacecraft": 0.9}]}}
 ENDS: dict[str, Any] = {
     "path.line.to": {"ball": {"center": [0.35, 0.35, 1.0], "radius": 0.03}},
     "path.line.from.1": {"uniform": [0.07, 0.13]},
@@ -135,7 +134,7 @@ def assert_same_extremes(row: dict[str, Any], simulation: ff.Simulation) -> None
     [
         (ENDS | VARY | LINKS, "spacecraft", {}),
         (VARY | LINKS, "base_link", {}),
-        (LINKS | MOUNTS, "spacecraft", {"start": {"branch": "best"}}),
+        (MOUNTS | FACTORS, "spacecraft", {"start": {"branch": "best"}, "cases": 20}),
     ],
 )
 def test_paths_in_the_frame_of_the_spacecraft_begin_where_each_robot_has_it(

@@ -67,10 +67,11 @@ def test_every_equation_is_on_the_page_once() -> None:
     assert {int(re.sub(r"\D", "", number)) for number in numbers} == set(range(1, 55))
 
 
-def test_every_figure_is_drawn_and_shown(page: ModuleType, tmp_path: Path) -> None:
+def test_every_figure_is_drawn_and_shown(page: ModuleType, tmp_path: Path, monkeypatch) -> None:
     """Those of the script, each with its sentence; they show the numbers of the plan."""
     from paper import figures
 
+    monkeypatch.setattr("matplotlib.figure.Figure.savefig", lambda *_, **__: None)
     assert [file.stem for file in figures.draw(tmp_path)] == [*page.FIGURES]
     for name, sentence in page.FIGURES.items():
         assert f"![{sentence}](pictures/paper/{name}.png)" in PAGE

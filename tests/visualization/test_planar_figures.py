@@ -94,7 +94,10 @@ def test_shaded_spans_are_the_ranges() -> None:
 
 
 @pytest.mark.slow
-def test_where_only_a_limit_is_violated_figures_show_the_margin_and_name_the_limit() -> None:
+def test_where_only_a_limit_is_violated_figures_show_the_margin_and_name_the_limit(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("freefloat.visualization.figures.figures._HEADINGS", 12)
     sun = ff.PointingLimit("spacecraft", [0.0, 1.0, 0.0], 1.4, "outside", direction=[1.0, 0.5, 0.3])
     drawn = ff.figures(ff.plan(PLANAR, limits=ff.Limits(pointing=(sun,))))
     assert labels(drawn["joint_space"].axes[0])[-1].endswith("violates pointing")
