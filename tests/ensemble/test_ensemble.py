@@ -158,23 +158,6 @@ def test_planar_arms(joints: int, momentum: float) -> None:
     assert endings[-1] is Ending.SINGULAR
 
 
-def test_skewed_minimum_between_nodes() -> None:
-    """Before it the measure falls twenty times as steeply as it rises behind, near the end."""
-    line = bundled("spatial_6dof/line")
-    curve = ArcCurve([1.0, 0.0, 0.3], [1.3, 0.0, 0.3], [0.0, 0.0, 1.0], 2.0 * np.pi)
-    path = ff.EndEffectorPath(curve, line.path.path.orientation)
-    problem = replace(line, path=ff.TimedPath(path, ff.Timing(60.0, TimeLaw.QUINTIC)))
-    attitude = np.array(
-        [-0.5258695578591587, -0.774324080597602, -0.1540999826222065, -0.3164437101279262]
-    )
-    start = next(branch.joints for branch in problem.branches(attitude) if branch.index == 2)
-    result = EnsembleIntegrator(problem, 1).integrate(attitude[None], start[None])
-    motion = ff.integrate_motion(problem, attitude, start)
-    precise = ff.closest_approach(motion, problem.margin.measure)
-    assert result.minimum[0] == pytest.approx(precise.value, rel=2e-5)
-    assert result.minimum_at[0] == pytest.approx(precise.time, abs=0.1)
-
-
 @pytest.mark.parametrize("end", ["first", "last"])
 def test_minimum_near_an_end(spatial: ff.Problem, end: str) -> None:
     """A motion cut a little before or after the minimum of the whole: no node stands beyond it."""
@@ -205,16 +188,6 @@ def grid_states(problem: ff.Problem, *numbers: int) -> tuple[np.ndarray, np.ndar
     where, _ = np.nonzero(branches.exist)
     chosen = list(numbers)
     return attitudes[where][chosen], branches.joints[branches.exist][chosen]
-
-
-def test_motions_end_in_time_where_they_leave_a_singularity(spatial: ff.Problem) -> None:
-    """The pace of time grows so fast that a step by arc length would pass the end."""
-    attitudes, joints = grid_states(spatial, 428)
-    end = 38.43662833
-    result = EnsembleIntegrator(spatial, 1).integrate(attitudes, joints, ends=np.array([end]))
-    precise = ff.integrate_motion(spatial, attitudes[0], joints[0], end=end)
-    assert result.ended_at[0] == pytest.approx(end, abs=1e-12)
-    np.testing.assert_allclose(result.joints[0], precise.final.joints, atol=1e-4)
 
 
 def test_motions_may_pass_a_singularity_closely(spatial: ff.Problem) -> None:
