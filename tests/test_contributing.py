@@ -231,7 +231,6 @@ ff.figures(ff.load("motion.h5"))["power"].savefig("power.pdf")
 
 
 def checkout(folder: Path, recipes: list[str]) -> Path:
-    """A copy of the sources, with their machine code, to which recipes are applied."""
     for name in ("src", "models"):
         shutil.copytree(ROOT / name, folder / name, ignore=shutil.ignore_patterns("*.pyc"))
     shutil.copy(ROOT / "pyproject.toml", folder)
@@ -242,7 +241,6 @@ def checkout(folder: Path, recipes: list[str]) -> Path:
 
 @pytest.fixture(scope="module")
 def extended(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A checkout with every recipe."""
     return checkout(tmp_path_factory.mktemp("checkout"), list(RECIPES.values()))
 
 
@@ -254,7 +252,6 @@ def compiled(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def execute(folder: Path, *words: str) -> None:
-    """Run a module of Python on the sources in a folder."""
     variables = {"PYTHONPATH": str(folder / "src"), "COLUMNS": "200"}
     done = subprocess.run(
         [sys.executable, *words], cwd=folder, env=os.environ | variables, check=False,

@@ -86,7 +86,6 @@ def test_linked_and_named_files_exist(page: str) -> None:
 
 @pytest.fixture
 def benchmark(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
-    """``scripts/benchmark.py``."""
     monkeypatch.syspath_prepend(str(ROOT / "scripts"))
     import benchmark
 

@@ -48,7 +48,6 @@ ROWS = re.findall(r"^\| `(\w+: .+?)` \|", SCENARIO, re.MULTILINE)
 
 @pytest.fixture
 def tables(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
-    """``scripts/documentation/tables.py``."""
     monkeypatch.syspath_prepend(str(ROOT / "scripts" / "documentation"))
     import tables
 
@@ -98,14 +97,12 @@ def test_the_yaml_of_a_table_row_makes_a_problem(row: str, in_folder: Path) -> N
 
 
 def write_samples(columns: int = 7) -> None:
-    """Write path.csv with the first columns of the example."""
     (samples,) = re.findall(r"```csv[^\n]*\n(.*?)```", SCENARIO, re.DOTALL)
     rows = [",".join(row.split(",")[:columns]) for row in samples.splitlines()]
     Path("path.csv").write_text("\n".join(rows))
 
 
 def loaded(document: dict[str, Any]) -> ff.Problem:
-    """Problem of a scenario file with this content."""
     file = Path("mine.yaml")
     file.write_text(yaml.safe_dump(document, sort_keys=False))
     return ff.load_scenario(file).problem()

@@ -72,7 +72,6 @@ def test_pose_seen_from_a_rotated_frame() -> None:
 def test_rotation_vector_between_two_rotations(
     start: np.ndarray, axis: np.ndarray, angle: float
 ) -> None:
-    """In inertial axes, also for tiny angles."""
     before = rotation_matrix(start / np.linalg.norm(start))
     after = Rotation.from_rotvec(angle * axis).as_matrix() @ before
     np.testing.assert_allclose(rotation_vector_between(before, after), angle * axis, atol=1e-9)
@@ -158,7 +157,6 @@ def test_grid_is_more_even_than_random_attitudes(count: int) -> None:
 
 
 def test_seed_rotates_the_whole_grid() -> None:
-    """Every attitude by the same rotation; the same at every call."""
     plain, other = attitude_grid(300), attitude_grid(300, 7)
     np.testing.assert_array_equal(other, attitude_grid(300, 7))
     np.testing.assert_array_equal(plain, attitude_grid(300, 0))
@@ -194,7 +192,6 @@ def test_ball_is_sampled_evenly(radius: float) -> None:
 
 @pytest.mark.parametrize("angle", [0.0, 1e-9, 1e-4, 0.7, 3.0, np.pi - 1e-6, np.pi])
 def test_angle_between_attitudes(angle: float) -> None:
-    """Whatever the signs of the quaternions, up to pi."""
     start = random_attitudes(20, 6)
     axis = np.array([0.48, -0.6, 0.64])
     end = (Rotation.from_rotvec(angle * axis) * Rotation.from_quat(start)).as_quat()

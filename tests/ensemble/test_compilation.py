@@ -235,7 +235,6 @@ def test_kernels_run_without_a_cache_folder() -> None:
 
 
 def signatures() -> dict[str, int]:
-    """Number of compiled signatures of each kernel."""
     return {
         f"{name}.{kernel}": len(thing.signatures)
         for name in sys.modules if name.startswith("freefloat.")
@@ -264,7 +263,6 @@ def test_integers_read_only_arrays_and_single_motions_need_no_further_compilatio
 
 
 def used(problem: ff.Problem) -> Motion:
-    """The chosen motion, after all kernels have been called."""
     attitude = np.array([0.0, 0.0, 0.0, 1.0])
     results = FeasibilityEvaluator(problem, 1).evaluate(attitude[None], stop_at_margin=True)
     assert (results.motions.endings >= 0).any()

@@ -99,21 +99,6 @@ def test_stopping_at_the_margin_changes_no_verdict(name: str, count: int) -> Non
             assert nearly or arm.motion.completed == keeps[k, arm.branch.index]
 
 
-def test_attitudes_out_of_reach_have_no_results() -> None:
-    """A UR5 whose path begins on the far side of its spacecraft: no branch, no margin."""
-    problem = bundled("ur5_servicer/arc")
-    averted = Rotation.from_rotvec([[np.pi, 0.0, 0.0], [0.0, 3.0, 0.0]]).as_quat()
-    for attitude in averted:
-        with pytest.raises(UnreachableError):
-            ff.simulate(problem, attitude)
-    evaluator = FeasibilityEvaluator(problem, 1)
-    results = evaluator.evaluate(averted)
-    assert (results.motions.endings == UNREACHED).all()
-    assert (results.margins == 0.0).all()
-    np.testing.assert_array_equal(evaluator.margins(averted, None), [0.0, 0.0])
-    np.testing.assert_array_equal(evaluator.keeps(averted, None), [False, False])
-
-
 def test_wrist_flipped_branches_need_a_perpendicular_massless_wrist() -> None:
     assert has_wrist_flipped_branches(bundled("spatial_6dof/line"))
     for name in ("ur5_servicer/arc", "panda_servicer/line", "planar_3dof/parabola"):

@@ -78,7 +78,6 @@ def test_the_largest_force_just_before_it_jumps_is_found():
     ((0.5, 1.5), 2.0, DURATION), ((1.5, 2.5), 1.0, 0.0),
 ])  # fmt: skip
 def test_joint_ranges_count_without_being_asked_for(limits, worst, time):
-    """At their upper end and at their lower end."""
     (result,) = check_limits(prismatic_motion(prismatic_robot(limits=limits)), Limits())
     assert (result.limit, result.where, result.unit) == ("joint_range", "x", "m")
     assert (result.allowed, result.at_least, result.kept) == (1.5, worst < 1.5, False)
@@ -214,14 +213,6 @@ def test_rates_that_do_not_grow_towards_a_singular_end_are_finite(spatial):
 def test_limits_that_are_none_are_refused(key, value):
     with pytest.raises(InputError, match=f"limits.{key}"):
         Limits(**{key: value})
-
-
-def test_one_number_is_the_limit_of_every_joint(spatial):
-    one, each = (
-        check_limits(spatial, Limits(joint_rate=bound, clearance="off"))
-        for bound in (0.2, np.full(6, 0.2))
-    )
-    assert [entry.to_dict() for entry in one] == [entry.to_dict() for entry in each]
 
 
 def test_limits_of_another_number_of_joints_are_refused(spatial):

@@ -227,7 +227,6 @@ def test_a_thousand_shapes_are_the_most():
 
 
 def test_the_parts_hold_all_of_the_mesh(rng):
-    """Every point of the surface lies inside one of the parts."""
     knot = trimesh.creation.torus(major_radius=1.0, minor_radius=0.2)
     for triangles in (ANGLED, knot.triangles):
         parts = [Delaunay(part.points) for part in convex_parts(triangles)]

@@ -147,17 +147,6 @@ def test_goals_must_suit_the_system() -> None:
     assert error_key(ff.move, system, tilted, ff.Goal(joints=[0.1, 0.2])) == "state.attitude"
 
 
-def test_limits_of_some_rates_or_of_torques_alone_determine_the_duration() -> None:
-    system = ff.System(ff.FreeFloatingModel.from_urdf("planar_2dof"))
-    state, goal = ([0.0, 0.0, 0.0, 1.0], [0.3, 0.05]), ff.Goal(joints=[0.9, 2.4])
-    torques = ff.Limits(joint_torque=[1.0, 1.0])
-    beside = ff.move(system, state, goal, replace(torques, joint_rate=[2.0, 2.0]))
-    alone = ff.move(system, state, goal, torques)
-    assert alone.duration == pytest.approx(beside.duration, rel=0.02)
-    free = ff.move(system, state, ff.Goal(joints=[0.3, 0.55]), ff.Limits(joint_rate=[0.1, np.inf]))
-    assert 0.5 <= free.duration <= 0.6  # at 1 rad/s
-
-
 def test_under_accelerations_a_motion_is_hardly_longer_than_the_straight_one() -> None:
     """The quintic from rest to rest of all joints at once."""
     system = ff.load_scenario("spatial_6dof/line").problem().system

@@ -125,7 +125,6 @@ PLACE = [0.35, 0.75, 0.0]
 
 
 def beside(*bodies):
-    """The plan beside some bodies."""
     scenario = ff.load_scenario("planar_2dof/line")
     problem = scenario.problem().replace(scene=ff.Scene(bodies))
     return ff.plan(problem, scenario.search(), LIMITS)

@@ -18,7 +18,6 @@ def ranges(planar):
 
 
 def is_feasible(problem, heading, branch):
-    """Whether the precise motion of an arm branch from a heading keeps the margin."""
     attitude = heading_quaternion(heading)
     for start in problem.branches(attitude):
         if start.index == branch:
@@ -68,7 +67,6 @@ LINK = ff.PointingLimit("link_1", [1.0, 0.0, 0.2], 1.6, point=[1.0, 4.0, 0.5])
 
 
 def keeps(motion, limits: ff.Limits) -> bool:
-    """Whether a motion keeps limits at many instants."""
     _, attitudes, joints = motion.evaluate(np.linspace(0.0, motion.panels, 500))
     model = motion.problem.model
     for limit in limits.pointing:

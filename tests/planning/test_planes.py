@@ -75,7 +75,6 @@ def test_regions_are_those_of_the_arm_about_z(direction: str) -> None:
 
 
 def test_what_leaves_the_plane_is_refused() -> None:
-    """Paths, momenta, drifts and attitudes."""
     turn = turn_to("oblique")
     problem = planar_problem(1, "+-+", turn, "planar-pose", "system")
     outside = 0.01 * turn[:, 0]

@@ -82,13 +82,11 @@ def test_the_nearest_heading_keeps_its_distance_from_the_limits(problem, present
 
 
 def heading_between(present, heading):
-    """Headings from the present one to just before another."""
     difference = (heading - present + np.pi) % (2.0 * np.pi) - np.pi
     return [float(h % (2.0 * np.pi)) for h in present + difference * np.linspace(0.0, 0.99, 50)]
 
 
 def on_line(problem, start, end, value):
-    """The same arm on a line with another margin."""
     curve = ff.paths.PolynomialCurve.line(start, end)
     path = ff.EndEffectorPath(curve, ff.paths.FixedOrientation(np.eye(3)))
     margin = ff.Margin(problem.margin.measure, value)

@@ -44,13 +44,11 @@ def deck_problem() -> ff.Problem:
 
 
 def require_kept(plan: Plan) -> None:
-    """The plan has a motion, which keeps its limits."""
     assert plan.feasible
     assert all(result.kept for result in plan.limit_results)
 
 
 def worst(motion: Motion, limits: ff.Limits, name: str) -> float:
-    """The largest value of a limit along a motion."""
     return next(r.worst for r in ff.check_limits(motion, limits) if r.limit == name)
 
 

@@ -43,7 +43,6 @@ def straight(start, step, duration: float = 20.0):
 
 
 def as_plan(problem, attitude, joints, limits: ff.Limits):
-    """The plan whose motion begins at an attitude."""
     heading = ff.Search("nearest", attitude, within=1e-3, spare=0.0)
     plan = ff.plan(problem, replace(heading, joints=joints), limits)
     assert plan.feasible, plan.reason

@@ -91,7 +91,6 @@ def test_joints_are_shifted_into_their_ranges():
 
 
 def along(start: list[float], end: list[float]) -> ff.Problem:
-    """Example 2 along another line."""
     line = ff.load_scenario("spatial_6dof/line").problem()
     path = ff.EndEffectorPath(
         PolynomialCurve.line(np.array(start), np.array(end)), line.path.path.orientation

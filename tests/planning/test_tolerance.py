@@ -28,7 +28,6 @@ def with_margin(name: str, value: float | None = None) -> ff.Problem:
 
 
 def best_attitude(problem: ff.Problem) -> np.ndarray:
-    """The attitude with the largest margin of 64."""
     attitudes = attitude_grid(64)
     return attitudes[int(np.argmax(FeasibilityEvaluator(problem, 1).margins(attitudes, None)))]
 
@@ -89,7 +88,6 @@ def drifting() -> Case:
 
 @pytest.fixture(scope="module")
 def still() -> Case:
-    """Example 2 without momentum."""
     problem = replace(with_margin("spatial_6dof/line", 30.0), momentum=np.zeros(3))
     return Case(problem, best_attitude(problem))
 
@@ -140,7 +138,6 @@ def test_durations_inside_keep_the_margin_and_those_outside_do_not(drifting: Cas
 
 
 def test_scaling_duration_and_momentum_is_equivalent(drifting: Case) -> None:
-    """A duration or a momentum scaled by the same factor: equal minimum margins."""
     h = drifting.problem.momentum
     slow = drifting.precisely(duration=150.0)
     much = drifting.precisely(momentum=1.5 * h)
@@ -166,7 +163,6 @@ def test_the_attitude_tolerance_of_a_redundant_arm_is_that_of_its_chosen_motion(
 
 
 def test_a_plan_may_leave_tolerances_out() -> None:
-    """Its choice is the same, and its check passes."""
     problem, search = bundled("spatial_6dof/line"), ff.Search("nearest", [0, 0, 0, 1], samples=128)
     whole, quick = (ff.plan(problem, search, tolerances=wanted) for wanted in (True, False))
     assert (quick.tolerance, quick.radius_effort) == (None, None)

@@ -19,7 +19,6 @@ from freefloat.robot.bundled import find_scenario
 
 
 def analysis(name: str, **changes: Any) -> tuple[PathAnalysis, WorkerState]:
-    """The analysis of a bundled scenario with other sections."""
     source = find_scenario(name)
     content = yaml.safe_load(source.read_text("utf-8")) | changes
     state = WorkerState(yaml.safe_dump(content), source)

@@ -59,13 +59,11 @@ def studio(kernels: None, start_studio: Callable[..., Studio]) -> Studio:
 
 @pytest.fixture(scope="module")
 def errors() -> list[str]:
-    """What the page logs."""
     return []
 
 
 @pytest.fixture(scope="module")
 def tab(browser: Browser, studio: Studio, errors: list[str]) -> Iterator[Page]:
-    """The page of the studio."""
     context = browser.new_context(viewport={"width": 800, "height": 600}, has_touch=True)
     page = context.new_page()
     page.on("pageerror", lambda error: errors.append(str(error)))
@@ -90,7 +88,6 @@ def opened(tab: Page, errors: list[str]) -> Iterator[Show]:
 
 
 def wait(page: Page, expression: str, seconds: float = 60.0) -> None:
-    """Wait until an expression is true in the page."""
     end = time.monotonic() + seconds
     while not page.evaluate(expression):
         assert time.monotonic() < end, expression
@@ -98,7 +95,6 @@ def wait(page: Page, expression: str, seconds: float = 60.0) -> None:
 
 
 def content(page: Page) -> dict[str, Any]:
-    """The scenario that the page shows."""
     return dict(yaml.safe_load(page.evaluate("studio.state.text")))
 
 
@@ -221,7 +217,6 @@ def test_a_goal_is_dragged_reached_and_saved(opened: Show, studio: Studio) -> No
 
 
 def sliders(page: Page) -> list[str]:
-    """Names of the sliders that a scenario shows."""
     rows = page.locator("#sliders input").all()
     return [str(row.get_attribute("name")) for row in rows if row.is_visible()]
 

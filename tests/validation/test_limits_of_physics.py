@@ -21,7 +21,6 @@ assert_close = partial(np.testing.assert_allclose, rtol=0)
 
 
 def apart(first, second):
-    """Largest difference of two states."""
     differences = [getattr(first, name) - getattr(second, name)
                    for name in ("joints", "attitude", "base_position")]  # fmt: skip
     return np.abs(np.concatenate(differences)).max()
@@ -52,7 +51,6 @@ def test_out_and_back_returns_the_start(name, attitude, branch):
 
 
 def timed(problem, momentum, timing):
-    """Example 2 from the good attitude with other timing and momentum."""
     path = ff.TimedPath(problem.path.path, timing)
     motion = simulated(replace(problem, path=path, momentum=momentum), GOOD, 2)
     assert motion.completed

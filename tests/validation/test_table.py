@@ -15,9 +15,6 @@ import freefloat as ff
 from freefloat.beyond.engines.mujoco import MuJoCo
 from freefloat.certificate.certificate import certify
 from freefloat.ensemble.ensemble import EnsembleIntegrator
-from freefloat.ensemble.recorded_motions import RecordedMotions
-from freefloat.ensemble.systems import equivalents
-from freefloat.limits.recorded_torques import largest_torques
 from freefloat.so3 import heading_quaternion
 from freefloat.verification import range_checks
 from freefloat.verification.comparisons import Check
@@ -168,16 +165,6 @@ def test_joint_torques_bear_the_gravity_on_a_table(number: int) -> None:
     weightless = ff.integrate_motion(replace(problem, model=replace(problem.model, gravity=0.0)),
                                      attitude, joints)  # fmt: skip
     np.testing.assert_array_equal(motion.joints, weightless.joints)
-
-
-@pytest.mark.parametrize(("number", "gravity"), [(0, 0.0), (4, 9.81), (6, 9.81)])
-def test_torques_of_recorded_motions_are_those_of_precise_ones(number: int, gravity) -> None:
-    problem, attitude, joints, _ = on_table(number)
-    problem = problem.replace(model=replace(problem.model, gravity=gravity))
-    motion = ff.integrate_motion(problem, attitude, joints)
-    recorded = RecordedMotions.of(equivalents(problem, 1), attitude[None], joints[None], 32, 1)
-    torques = np.abs(motion.node_effort.joint_torques).max(axis=(0, 1))
-    np.testing.assert_allclose(largest_torques(recorded, 1).values[0], torques, rtol=2e-3)
 
 
 def test_a_scenario_states_gravity_and_a_free_base_has_none() -> None:

@@ -47,7 +47,6 @@ def spatial():
 
 
 def failed(result, **how):
-    """Names of what failed."""
     return {check.name for check in ff.check(result, **how).discrepancies}
 
 
@@ -99,7 +98,6 @@ def test_ranges_of_a_redundant_arm_that_few_starts_reach_are_verified():
 
 
 def with_motion(result, **changes):
-    """A result whose chosen motion is another."""
     chosen = result.chosen
     chosen = replace(chosen, motion=replace(chosen.motion, **changes))
     if isinstance(result, Simulation):
@@ -124,7 +122,6 @@ def moved(name, rows, columns, by):
 
 
 def shortened(first, beyond, **changes):
-    """Only some nodes of the motion."""
 
     def change(plan):
         motion, nodes = plan.chosen.motion, slice(first, beyond)
@@ -229,16 +226,6 @@ def test_a_motion_whose_last_joint_would_spin_is_verified_to_end_there():
     assert "singular end" in failed(shortened(0, -40)(simulation))
 
 
-def test_a_violated_limit_is_verified_to_be_violated():
-    problem = ff.load_scenario("planar_2dof/line").problem()
-    limits = ff.Limits(joint_rate=[0.05, 0.05], clearance="off")
-    simulation = ff.simulate(problem, heading=0.5, limits=limits)
-    assert (simulation.feasible, ff.check(simulation).passed) == (False, True)
-    (stated,) = simulation.limit_results
-    milder = replace(simulation, limit_results=(replace(stated, worst=0.04),))
-    assert failed(milder) == {"limit_results.0.worst"}
-
-
 def test_a_motion_that_ends_where_it_begins_is_verified_to_be_singular_there():
     problem = ff.load_scenario("planar_2dof/line").problem()
     attitude = [0.0, 0.0, 0.0, 1.0]
@@ -267,7 +254,6 @@ def test_a_map_with_singular_motions_is_verified_after_a_rounding(seed, directio
 
 @pytest.fixture
 def file(tmp_path):
-    """A short motion."""
     path = tmp_path / "motion.h5"
     path.write_bytes(plans()[0])
     return path

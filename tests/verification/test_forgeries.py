@@ -59,7 +59,6 @@ def parts(value: Any) -> dict[Any, Any]:
 
 
 def altered(value: Any, place: Place, new: Any) -> Any:
-    """A record with another value at a place."""
     if not place:
         return new
     key, *rest = place
@@ -164,7 +163,6 @@ def scaled(factor: float, attribute: re.Match[str]) -> str:
 
 @cache
 def recomputed_of(kind: str) -> Any:
-    """What is recomputed of a true result."""
     return recomputed(result(kind))[1]
 
 

@@ -180,19 +180,6 @@ def test_moving_bodies_have_tracks_and_fixed_ones_a_place(motion: Motion) -> Non
 
 
 @pytest.mark.slow
-def test_while_the_centre_of_mass_drifts_fixed_bodies_and_the_corridor_move(motion: Motion) -> None:
-    """Shown is the frame of the centre of mass."""
-    path = replace(motion.problem.path, drift=[0.01, 0.0, -0.02])
-    moving = replace(motion, law=PathLaw(motion.problem.replace(path=path)))
-    corridor = ff.Corridor([0.1, 0.2, -0.3], [1.0, 2.0, 0.5], radius=2.0)
-    moves = tracks(scene_of(moving, BODIES, corridor))
-    for key, start in (("Scene bodies/mast", [3.0, 0.0, 1.0]), ("Corridor", [0.0, 0.0, 0.0])):
-        times, positions = moves[f"{ROOT}/{key}.position"]
-        expected = start - np.outer(times, path.drift)
-        assert positions.reshape(-1, 3) == pytest.approx(expected, abs=1e-5)
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize(("half_angle", "body"), [(0.3, "client"), (None, None)])
 def test_the_surface_of_the_corridor_is_at_its_limit(
     motion: Motion, half_angle: float | None, body: str | None
