@@ -145,12 +145,6 @@ def test_the_largest_distance_is_between_samples():
     assert result.worst == pytest.approx(np.abs(ball - x).max(), abs=1e-6)
 
 
-def test_a_path_on_the_axis_into_the_apex_is_inside():
-    result = corridor_result([START + LENGTH, 0.0, 0.0], [-1.0, 0.0, 0.0], 0.01)
-    assert result.worst == pytest.approx(0.0, abs=1e-6)
-    assert result.kept
-
-
 def test_a_corridor_of_a_held_body_moves_with_the_joints():
     """Prescribed joints: the end-effector stays where it is in the frame of the body."""
     system = load_scenario("planar_2dof/line").problem().system

@@ -111,21 +111,6 @@ def test_a_margin_is_required_of_later_paths(state: SystemState) -> None:
         assert back.run(state, limits).feasible is feasible
 
 
-def test_a_state_moves_with_the_path(problem: ff.Problem) -> None:
-    """Also where the centre of mass drifts, and the path begins and ends in motion."""
-    timing, drift = ff.Timing(30.0, TimeLaw.UNIFORM), np.array([0.002, -0.003, 0.0])
-    path = ff.TimedPath(problem.path.path, timing, drift)
-    moving = problem.replace(path=path, start_joints=[0.4, 1.2])
-    motion = ff.simulate(moving, heading=0.45).chosen.motion
-    start = SystemState.at_start(motion)
-    for state, t in (start, 0.0), (start.after(motion), 30.0):
-        assert (state.time, state.problem.start_joints) == (t, None)
-        np.testing.assert_allclose(state.centre, t * drift, atol=1e-15)
-        twist = path.twist(t) + path.drift_twist
-        np.testing.assert_allclose(state.twist[:3], twist[:3], atol=1e-7)
-        np.testing.assert_allclose(state.pose.position, path.pose(t).position, atol=1e-7)
-
-
 @pytest.mark.slow
 def test_the_motion_before_a_path_arrives_with_its_state(problem: ff.Problem) -> None:
     """With momentum and joint rates: the path does not begin at rest."""

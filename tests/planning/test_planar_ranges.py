@@ -1,13 +1,20 @@
-"""Exact ranges of heading, also within limits of attitude: compared with precise motions."""
+"""Exact ranges of heading, with drift and limits of attitude: compared with other motions."""
+
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 
 import freefloat as ff
+from freefloat.ensemble.feasibility import FeasibilityEvaluator
+from freefloat.paths import Stop
 from freefloat.planning.plane.arcs import MARGIN, REACH
 from freefloat.planning.plane.ranges import find_range_limits, heading_ranges, reach_limits
 from freefloat.so3 import angle_between, heading_quaternion
-from tests.motions import Z, along, chain
+from tests.commands import document, run
+from tests.motions import Z, along, bundled, chain
 from tests.redundant import redundant
 
 
@@ -135,3 +142,41 @@ def test_the_starts_of_a_redundant_arm_are_followed_through_samples() -> None:
         motions = [ff.simulate(near, heading=heading).motion for heading in headings]
         assert all(keeps(motion, limits) for motion in motions) is kept
     assert {region.branch for region in (*samples.regions, samples.best)} == {None}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [1, 4])
+@pytest.mark.parametrize("name", ["planar_2dof/line", "planar_3dof/parabola"])
+def test_exact_ranges_agree_with_a_sweep_while_the_centre_of_mass_drifts(
+    name: str, seed: int
+) -> None:
+    """Also with stops, at which the end-effector moves relative to the centre of mass."""
+    rng = np.random.default_rng(seed)
+    duration = bundled(name).path.duration
+    velocity = [*rng.uniform(-0.4, 0.4, 2) / duration, 0.0]
+    momentum = [0.0, 0.0, seed % 2 * float(rng.uniform(-15.0, 15.0)) / duration]
+    path = replace(bundled(name).path, drift=velocity)
+    problem = bundled(name).replace(path=path, momentum=momentum)
+    if name == "planar_2dof/line" and seed > 2:
+        timing = replace(problem.path.timing, stops=[Stop(0.3, 0.4 * duration)])
+        problem = replace(problem, path=replace(problem.path, timing=timing))
+    result = ff.plan(problem, limits=ff.Limits())
+    headings = np.linspace(0.0, 2.0 * np.pi, 720, endpoint=False) + 0.0007
+    motions = FeasibilityEvaluator(problem).evaluate(heading_quaternion(headings)).motions
+    feasible = motions.keeps(problem.margin.threshold)
+    assert result.feasible
+    for entry in result.ranges:
+        inside = np.array([entry.depth(heading) > 0.0 for heading in headings])
+        np.testing.assert_array_equal(inside, feasible[:, entry.branch])
+
+
+@pytest.fixture
+def scenario(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> dict:
+    monkeypatch.chdir(tmp_path)
+    return yaml.safe_load(run("models", "planar_2dof/line").stdout)
+
+
+def test_a_path_that_the_drift_leads_out_of_reach_is_refused(scenario: dict) -> None:
+    Path("mine.yaml").write_text(yaml.safe_dump(scenario | {"drift": [1.0, 0.0, 0.0]}))
+    result = document("plan", "mine.yaml", code=1)
+    assert result["reason"]

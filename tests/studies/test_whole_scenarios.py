@@ -164,9 +164,9 @@ def test_rates_turn_and_pointing_are_limited_without_precise_motions(
 ) -> None:
     """All verdicts occur; runs on their own are those near to a limit."""
     base = BASE | {"limits": LIMITS}
-    study = a_spatial_study(tmp_path, vary, base=base, cases=200, **keys)
+    study = a_spatial_study(tmp_path, vary, base=base, cases=120, **keys)
     assert why_run_by_run(study) is None
-    rows, pairs = rows_and_simulations(study, tmp_path / "out", 25)
+    rows, pairs = rows_and_simulations(study, tmp_path / "out", 20)
     reasons = " ".join({row["reason"] for row in rows})
     for name in (*KNOWN, "margin"):
         assert name in reasons

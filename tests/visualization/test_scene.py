@@ -72,16 +72,6 @@ def test_the_trail_shows_the_measure_by_time_and_colour(scene: PageScene, motion
     assert np.linalg.norm(points - np.outer(points @ along, along), axis=1).max() < 0.03
 
 
-def test_the_first_view_has_the_axes_but_not_long_panels() -> None:
-    problem = ff.load_scenario("ets_vii/line").problem()
-    motion = ff.simulate(problem, [0.0, 0.0, 0.0, 1.0], branch=0).chosen.motion
-    seen = np.array(motion_scene({"a": motion}).description.view.points)
-    assert np.linalg.norm(seen, axis=1).max() < 1.2 * problem.reach()  # panels: 1.8
-    pose = problem.path.pose(0.0)
-    tips = pose.position + 0.066 * problem.reach() * pose.rotation.T
-    assert np.clip(tips, seen.min(axis=0), seen.max(axis=0)) == pytest.approx(tips, abs=1e-3)
-
-
 @pytest.mark.slow
 def test_a_playback_goes_into_a_visualizer(motion: Motion) -> None:
     sent: list[dict[str, Any]] = []

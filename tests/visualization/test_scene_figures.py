@@ -13,7 +13,6 @@ from scipy.spatial import ConvexHull
 import freefloat as ff
 from freefloat.motion.law import PathLaw
 from freefloat.motion.motion import Motion
-from freefloat.regions.planar_regions import point_3_on_path
 from freefloat.regions.workspace import exact_workspace
 from freefloat.so3 import heading_quaternion
 from freefloat.visualization.figures.scene_figures import outline_points, outlines, snapshots_figure
@@ -47,17 +46,6 @@ def test_areas_are_rings_around_the_centre_of_mass() -> None:
     circles = [item for item in axes.patches if isinstance(item, Circle)]
     assert [circle.radius for circle in circles] == list(AREAS.reach)
     assert all(ring.center == (0.0, 0.0) for ring in rings)
-
-
-def test_the_path_runs_from_its_start_to_its_end() -> None:
-    (axes,) = workspace_figure(PLANAR, AREAS).axes
-    path, point = line(axes, "path"), line(axes, "virtual last joint")
-    assert np.allclose(path[[0, -1]], [[2.0, 0.0], [-1.0, 2.0]])
-    assert np.allclose(path[:, 1], path[:, 0] ** 2 / 6 - 5 * path[:, 0] / 6 + 1)  # (30a)
-    assert np.allclose(line(axes, "start"), path[:1])
-    assert np.allclose(line(axes, "end"), path[-1:])
-    wanted = [point_3_on_path(PLANAR, s) for s in (0.0, PLANAR.path.duration)]
-    assert np.allclose(point[[0, -1]] @ [1.0, 1.0j], wanted)
 
 
 def test_e_is_where_point_3_enters_an_area() -> None:
