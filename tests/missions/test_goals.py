@@ -145,17 +145,3 @@ def test_goals_must_suit_the_system() -> None:
         assert error_key(ff.move, system, state, goal) == key
     tilted = [0.1305262, 0.0, 0.0, 0.9914449], state[1]
     assert error_key(ff.move, system, tilted, ff.Goal(joints=[0.1, 0.2])) == "state.attitude"
-
-
-def test_under_accelerations_a_motion_is_hardly_longer_than_the_straight_one() -> None:
-    """The quintic from rest to rest of all joints at once."""
-    system = ff.load_scenario("spatial_6dof/line").problem().system
-    start, end = (
-        np.array([0.0, 0.8, -1.2, 0.0, 0.6, 0.0]),
-        np.array([0.2, 0.3, -0.7, 0.1, 0.9, 0.3]),
-    )
-    straight = np.sqrt(10.0 / np.sqrt(3.0) * np.abs(end - start).max() / 0.01)
-    limits = ff.Limits(joint_rate=0.3, joint_acceleration=0.01, clearance="off")
-    found = ff.move(system, ([0.0, 0.0, 0.0, 1.0], start), ff.Goal(joints=end), limits)
-    assert found.feasible
-    assert found.duration < 1.2 * straight

@@ -49,20 +49,6 @@ def test_the_ball_is_the_map_of_the_problem() -> None:
     assert said == feasible.tolist()
 
 
-def test_an_abandoned_map_is_made_again() -> None:
-    class Abandoned(Exception):
-        """For this test."""
-
-    def abandon(_: float) -> None:
-        raise Abandoned
-
-    studied, _ = analysis("spatial_6dof/line")
-    with pytest.raises(Abandoned):
-        studied.next_map(abandon)
-    assert studied.level == 0
-    assert studied.next_map(no_progress).content["samples"] == studied.levels[0]
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "line"),

@@ -161,16 +161,6 @@ def test_a_closed_joint_loop_turns_the_spacecraft_by_the_golden_angle(law):
     assert_close(half.joints, [-0.3, 0.7], atol=1e-8)
 
 
-def test_scaling_every_mass_and_the_momentum_changes_nothing(spatial):
-    """Twice the mass with twice the momentum drifts alike."""
-    model = ff.FreeFloatingModel.from_urdf(
-        spatial.model.description.text, "end_effector", scale_mass=2.0
-    )
-    problem = replace(spatial, model=model, momentum=2.0 * spatial.momentum)
-    joints = simulated(spatial, GOOD, 2).final.joints
-    assert_close(simulated(problem, GOOD, 2).final.joints, joints, atol=1e-8)
-
-
 @pytest.mark.slow
 @given(data=st.data(), robot=robots(branch=st.just("")))
 def test_heavy_base_recovers_the_fixed_base_arm(data: st.DataObject, robot: Robot) -> None:
