@@ -17,7 +17,8 @@ from freefloat.ensemble.endings import STEP_TOLERANCE
 from freefloat.ensemble.ensemble import EnsembleIntegrator
 from freefloat.ensemble.result import EnsembleResult
 from freefloat.motion.motion import Motion
-from freefloat.paths import FixedOrientation, OrientationLaw, PolynomialCurve, SlerpOrientation
+from freefloat.paths.curves import PolynomialCurve
+from freefloat.paths.orientation import FixedOrientation, OrientationLaw, SlerpOrientation
 from freefloat.so3 import heading_quaternion, rotation_vector_between
 
 GOOD = [0.46008, 0.09337, 0.73519, -0.48898]

@@ -10,7 +10,8 @@ from freefloat.certificate.matrix_bounds import ScaledSystem
 from freefloat.motion.law import PathLaw
 from freefloat.motion.motion import Ending, Motion
 from freefloat.motion.panels import DEGREE, NODES
-from freefloat.paths import FixedOrientation, PolynomialCurve
+from freefloat.paths.curves import PolynomialCurve
+from freefloat.paths.orientation import FixedOrientation
 from tests.motions import GOOD, heading, simulated
 from tests.robots import random_robot
 

@@ -10,7 +10,8 @@ from scipy.spatial.transform import Rotation
 import freefloat as ff
 from freefloat.dynamics.joint_space import joint_space_extremes
 from freefloat.motion.motion import Ending
-from freefloat.paths import PolynomialCurve, SlerpOrientation
+from freefloat.paths.curves import PolynomialCurve
+from freefloat.paths.orientation import SlerpOrientation
 from freefloat.so3 import heading_of
 from tests.errors import error_key
 from tests.motions import (

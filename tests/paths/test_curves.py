@@ -5,7 +5,7 @@ from functools import partial
 import numpy as np
 import pytest
 
-from freefloat.paths import ArcCurve, PolynomialCurve, SplineCurve
+from freefloat.paths.curves import ArcCurve, PolynomialCurve, SplineCurve
 from tests.errors import error_key
 
 assert_close = partial(np.testing.assert_allclose, rtol=0)

@@ -7,15 +7,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import freefloat as ff
-from freefloat.paths import (
-    ArcCurve,
-    DirectedOrientation,
-    FixedOrientation,
-    PolynomialCurve,
-    SlerpOrientation,
-    SplineCurve,
-)
-from freefloat.paths.orientation import OrientationSpline
+from freefloat.paths.curves import ArcCurve, PolynomialCurve, SplineCurve
+from freefloat.paths.directed_orientation import DirectedOrientation
+from freefloat.paths.orientation import FixedOrientation, OrientationSpline, SlerpOrientation
 from tests.errors import error_key
 
 assert_close = partial(np.testing.assert_allclose, rtol=0)

@@ -5,7 +5,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import freefloat as ff
-from freefloat.paths import DirectedOrientation, PolynomialCurve, RelativePath, SlerpOrientation
+from freefloat.paths.curves import PolynomialCurve
+from freefloat.paths.directed_orientation import DirectedOrientation
+from freefloat.paths.orientation import SlerpOrientation
+from freefloat.paths.relative_path import RelativePath
 
 TUMBLING = ff.Tumbling(inertia=[115, 72, 150], rate=[0.05, 0.03, 0.0466], com=[0.1, 0, 0.2])
 CLIENT = ff.SceneBody(

@@ -17,8 +17,8 @@ from scipy.spatial.transform import Rotation
 import freefloat as ff
 from freefloat.certificate.certificate import certify
 from freefloat.io.scenario.scenario import Scenario, parse_scenario
-from freefloat.motion.motion import DEGREE
-from freefloat.paths import Stop, TimeLaw
+from freefloat.motion.panels import DEGREE
+from freefloat.paths.timing import Stop, TimeLaw
 from freefloat.verification.comparisons import certificate_checks
 from tests.errors import error_key
 from tests.motions import compiled_motion, first_motion

@@ -8,7 +8,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import freefloat as ff
-from freefloat.paths import DirectedOrientation, PolynomialCurve, SlerpOrientation, Stop, TimeLaw
+from freefloat.paths.curves import PolynomialCurve
+from freefloat.paths.directed_orientation import DirectedOrientation
+from freefloat.paths.orientation import SlerpOrientation
+from freefloat.paths.timing import Stop, TimeLaw
 from tests.errors import error_key
 
 assert_close = partial(np.testing.assert_allclose, rtol=0)

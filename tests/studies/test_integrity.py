@@ -125,19 +125,6 @@ def test_an_altered_database_is_refused(
     assert error_key(finished, study, tmp_path / "out") == "output"
 
 
-@pytest.mark.parametrize("name", [b"joints.\x11", b"joints.5"])
-def test_a_bit_in_the_name_of_a_column_is_not_believed(
-    name: bytes, study: Study, tmp_path: Path
-) -> None:
-    """The rows alone would be computed again, and a column without values be left."""
-    finished(study, tmp_path / "out", *map(values, range(3)))
-    file = tmp_path / "out" / "study.sqlite"
-    content = file.read_bytes()
-    assert content.count(b'"joints.1"') == 1
-    file.write_bytes(content.replace(b'"joints.1"', b'"' + name + b'"'))
-    assert error_key(finished, study, tmp_path / "out") == "output"
-
-
 @pytest.mark.parametrize(
     ("statement", "left"),
     [

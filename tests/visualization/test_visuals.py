@@ -116,8 +116,3 @@ def test_a_missing_mesh_is_reported_and_replaced(tmp_path: Path) -> None:
     for shapes in (f"<visual>{BOX}</visual>" + visual, f"<collision>{BOX}</collision>"):
         others = robot_visuals(ff.FreeFloatingModel.from_urdf(two_links(shapes)))
         assert isinstance(named(others, "arm").shape, ff.Box)
-
-
-def test_colours_of_the_urdf_stay() -> None:
-    shapes = robot_visuals(ff.load_scenario("emulator/line").problem().model).shapes
-    assert {shape.colour for shape in shapes} == {(0.25, 0.45, 0.7, 1.0), (0.75, 0.75, 0.78, 1.0)}

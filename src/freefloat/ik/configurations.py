@@ -136,8 +136,8 @@ def usable(arm: Chain | FreeFloatingModel, q: Array, most: int) -> Array:
 def _excess(arm: Chain | FreeFloatingModel, q: Array) -> Array:
     """Largest distance of joint values from their ranges, infinite for NaN, shape (B, K)."""
     lower, upper = (ends[:, None, None] for ends in arm.joint_ranges)
-    excess = np.maximum(np.maximum(lower - q, q - upper), 0.0).max(axis=0)
-    return np.where(np.isnan(excess), np.inf, excess)
+    excess = np.maximum(lower - q, q - upper).max(axis=0)
+    return np.where(np.isnan(excess), np.inf, np.maximum(excess, 0.0))
 
 
 def _move_inside(newton: Newton, positions: Array, rotations: Array, q: Array) -> None:

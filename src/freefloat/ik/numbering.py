@@ -41,7 +41,7 @@ def numbered_branches(model: FreeFloatingModel, task: Task, q: Array) -> tuple[A
     if square:
         virtual = VirtualManipulator.of(model)
         placed = virtual.kinematics(q[:, exist].T)
-        velocities = virtual.velocities(q[:, exist].T)
+        velocities = virtual.velocities(q[:, exist].T, placed)
         negative = np.linalg.det(_jacobians(model, task, placed[1], *velocities)) < 0.0
         if len(q) == 6 and not virtual.prismatic.any():
             names[exist] = sign_patterns(*placed[2:], negative)
