@@ -25,10 +25,10 @@ from freefloat.motion.problem import Problem
 from freefloat.regions.workspace import exact_workspace
 from freefloat.so3 import heading_quaternion
 from freefloat.visualization.figure_style import PAGE, new_figure, save_figures, styled
-from freefloat.visualization.figures.motion_figures import motion_figures
-from freefloat.visualization.figures.planar_figures import joint_space_figure
-from freefloat.visualization.figures.scene_figures import draw_snapshots
+from freefloat.visualization.motion_figures import motion_figures
 from freefloat.visualization.page.pictures import find_browser, take_pictures, write_gif
+from freefloat.visualization.planar_figures import joint_space_figure
+from freefloat.visualization.scene_figures import draw_snapshots
 
 DOTS = 120
 """Dots per inch."""

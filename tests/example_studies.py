@@ -9,9 +9,9 @@ import yaml
 
 import freefloat as ff
 from freefloat.studies.database import open_results
-from freefloat.studies.portable import study_files
 from freefloat.studies.rows import StudyRows
 from freefloat.studies.study import Study
+from freefloat.studies.workers import study_files
 
 BASE: dict[str, Any] = {
     "robot": {"urdf": "planar_3dof.urdf", "end_effector": "end_effector"},

@@ -13,9 +13,9 @@ from scipy.spatial.transform import Rotation
 import freefloat as ff
 from freefloat.attitude_grids import attitude_grid
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
+from freefloat.ensemble.endings import STEP_TOLERANCE
 from freefloat.ensemble.ensemble import EnsembleIntegrator
 from freefloat.ensemble.result import EnsembleResult
-from freefloat.ensemble.step_tolerances import STEP_TOLERANCE
 from freefloat.motion.motion import Motion
 from freefloat.paths import FixedOrientation, PolynomialCurve, SlerpOrientation
 from freefloat.so3 import heading_quaternion, rotation_vector_between

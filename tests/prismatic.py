@@ -9,7 +9,9 @@ from __future__ import annotations
 import numpy as np
 
 import freefloat as ff
-from freefloat.paths import FixedOrientation, PolynomialCurve, TimeLaw
+from freefloat.paths.curves import PolynomialCurve
+from freefloat.paths.orientation import FixedOrientation
+from freefloat.paths.timing import TimeLaw
 from tests.robots import inertial_text, joint_text, link_text
 
 BUS, TOOL = 90.0, 10.0

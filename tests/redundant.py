@@ -9,7 +9,9 @@ from scipy.spatial.transform import Rotation
 
 import freefloat as ff
 from freefloat.dynamics.redundancy import Metric, Toward
-from freefloat.paths import PolynomialCurve, SlerpOrientation, Stop
+from freefloat.paths.curves import PolynomialCurve
+from freefloat.paths.orientation import SlerpOrientation
+from freefloat.paths.timing import Stop
 from freefloat.so3 import heading_quaternion
 from tests.robots import planar_robot, random_robot
 

@@ -28,8 +28,8 @@ def tracks(scene: PageScene) -> dict[str, tuple[np.ndarray, ...]]:
     }
 
 
-def vertices(scene: PageScene, path: str) -> np.ndarray:
-    """Vertices of the surface at a path, shape (V, 3)."""
+def vertices(scene: PageScene, path: str, name: str = "position") -> np.ndarray:
+    """Vertices of the surface at a path, or their colours, shape (V, 3)."""
     item = commands(scene, "set_object")[path]["object"]
-    packed = item["geometries"][0]["data"]["attributes"]["position"]["array"]
+    packed = item["geometries"][0]["data"]["attributes"][name]["array"]
     return np.frombuffer(packed.data, dtype="<f4").reshape(-1, 3).astype(float)

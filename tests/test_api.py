@@ -17,11 +17,6 @@ import freefloat as ff
 from freefloat.planning.plan import Plan
 from freefloat.robot.bundled import models_folder
 
-
-def test_every_public_name_is_documented() -> None:
-    assert [name for name in ff.__all__ if not getattr(ff, name).__doc__] == []
-
-
 SLOW = {
     "Weights",
     "plan_manoeuvre",

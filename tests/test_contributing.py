@@ -38,16 +38,12 @@ def run(*words, code=0):
     return done.stdout
 
 def tour(content, *options):
-    # a scenario is planned, mapped, saved, loaded, checked, exported, printed and shown
+    # a scenario is planned, saved, loaded, checked, printed and shown
     open("new.yaml", "w").write(yaml.safe_dump(content))
     table = run("plan", "new.yaml", "-o", "new.h5", "--html", "new.html", *options)
     loaded = ff.load("new.h5")
     assert " ".join(loaded.reason.split()) in " ".join(table.split())
-    assert len(open("new.html").read()) > 100_000
-    checked = json.loads(run("check", "new.h5", "--json"))
-    assert checked["proved"] and checked["kind"] == "plan"
-    run("export", "new.h5", "-o", "new.csv", "--times", 9)
-    run("map", "new.yaml", "--samples", 16, "-o", "map.h5", "--quiet")
+    assert json.loads(run("check", "new.h5", "--json"))["proved"]
     return loaded, table
 """
 """Beginning of each use."""
@@ -68,30 +64,18 @@ for order in (1, 2):
     difference = (path.curve(0.4 + 1e-5, order - 1) - path.curve(0.4 - 1e-5, order - 1)) / 2e-5
     np.testing.assert_allclose(path.curve(0.4, order), difference, atol=1e-8)
 assert section_of(path) == ({"helix": helix}, {})
-tilted = scenario | {"path": {"helix": helix | {"from": [0.7, 0, 2.5]}}}
-try:
-    ff.load_scenario(tilted).problem()
-except ff.InputError as error:
-    assert error.key == "path.helix.from"
 scenario["path"]["frame"], scenario["search"] = "spacecraft", {"joints": [0, 1, -1, 0, 1, 0]}
 moved = ff.load_scenario(scenario).problem().path.path
 np.testing.assert_allclose(np.ptp([moved.curve(s) - path.curve(s) for s in (0, 0.5, 1)], axis=0), 0,
                            atol=1e-12)
 assert set(section_of(moved)[0]) == {"helix"}
 
-rising = {"center": [1.2, 0, 1.2], "normal": [0, 0, 1], "from": [0.9, -0.6, 1.2],
-          "angle_deg": -100, "rise": 0.1}
-loaded, table = tour({
-    "robot": {"urdf": "spatial_6dof", "end_effector": "end_effector"},
-    "task": "pose",
-    "momentum": [0.5, 0.3, 0.1],
-    "path": {"helix": rising, "attitude": {"fixed": {"axes": {"x": [0, 0, 1], "z": [1, 0.8, 0]}}}},
-    "timing": {"duration": 100},
-    "margin": {"measure": "gjm", "value": 0.01},
-    "search": {"samples": 64},
-})
-assert len(ff.figures(loaded)) > 6
-assert loaded.problem.path.path.curve.rise == 0.1
+flat = {"center": [0.6, 0.2, 0], "normal": [0, 0, 1], "from": [1, 0.2, 0],
+        "angle_deg": 60, "rise": 0}
+content = yaml.safe_load(ff.load_scenario("planar_2dof/line").text)
+content["robot"]["urdf"] = "planar_2dof"
+loaded, table = tour(content | {"path": {"helix": flat}})
+assert loaded.problem.path.path.curve.rise == 0.0 and ff.figures(loaded)
 assert "helix" in run("schema")
 """,
     "measure": """
@@ -110,10 +94,6 @@ chosen = ff.simulate(problem, heading=best.heading, branch=best.branch).chosen
 assert abs(best.minimum_margin / chosen.minimum_margin - 1.0) < 1e-4
 (minimum,) = (entry for entry in certify(chosen.motion).minima if entry.measure == "relative")
 assert 0.89 < minimum.bound / minimum.value <= 1.0
-twice_as_heavy = problem.replace(model=problem.model.scaled(2.0))
-margins = [ff.simulate_many(entry, headings=0.0).minimum_margins
-           for entry in (problem, twice_as_heavy)]
-assert np.ptp(margins) < 1e-9
 
 content = yaml.safe_load(ff.load_scenario("planar_2dof/line").text)
 content["robot"]["urdf"] = "planar_2dof"
@@ -145,12 +125,6 @@ assert loaded.limits.end_effector_speed == 0.11 and "end effector speed [m/s]" i
 result = limit(r.to_dict() for r in loaded.limit_results)
 assert result["kept"] and abs(result["worst"] - speed) < 1e-9 and abs(result["time"] - 15) < 1e-3
 
-write("fast.yaml", phases=[], limits={"end_effector_speed": 0.1})
-found = json.loads(run("plan", "fast.yaml", "--json", "--stretch"))
-assert abs(found["stretch"] / (speed / 0.1) - 1) < 1e-3
-found = json.loads(run("simulate", "fast.yaml", "--json", "--heading", "25", code=1))
-assert not limit(found["limits"])["kept"]
-
 write("phases.yaml", search={"objective": "nearest", "from_attitude": [0, 0, 0, 1],
                              "joints": [0.5, 0.8]})
 found = json.loads(run("plan", "phases.yaml", "--json", "-o", "phases.h5"))
@@ -170,23 +144,20 @@ def ratio(motion):
     (rate,) = (r for r in ff.check_limits(motion, rates) if r.limit == "joint_rate")
     return rate.ratio
 
-for name, fastest, count in (("planar_2dof/line", 0.5, 72), ("spatial_6dof/above", 0.2, 64)):
-    content = yaml.safe_load(ff.load_scenario(name).text)
-    content["robot"]["urdf"] = name.split("/")[0]
-    content["search"] = {"objective": "quick", "samples": count}
-    content["limits"] = {"joint_rate": fastest}
-    loaded, table = tour(content)
-    assert loaded.search.objective.name == "quick"
-    assert "joint rates require" in " ".join(table.split())
-    assert loaded.reason.startswith("the least duration that joint rates require, ")
-    problem, rates = loaded.problem, loaded.limits
-    least, samples = ratio(loaded.chosen.motion), ff.attitude_map(problem, count)
-    kept = np.argwhere(problem.margin.keeps(samples.margins))
-    for k, branch in np.random.default_rng(1).permutation(kept)[:6].tolist():
-        other = integrate_branch(problem, samples.attitudes[k], branch)
-        assert ratio(other.motion) > least - 1e-3
-    open("quick.yaml", "w").write(yaml.safe_dump(content | {"limits": {}}))
-    run("plan", "quick.yaml", "--json", code=2)
+content = yaml.safe_load(ff.load_scenario("spatial_6dof/above").text)
+content["robot"]["urdf"] = "spatial_6dof"
+content["search"] = {"objective": "quick", "samples": 64}
+content["limits"] = {"joint_rate": 0.2}
+loaded, table = tour(content)
+assert loaded.reason.startswith("the least duration that joint rates require, ")
+problem, rates = loaded.problem, loaded.limits
+least, samples = ratio(loaded.chosen.motion), ff.attitude_map(problem, 64, refine=False)
+kept = np.argwhere(problem.margin.keeps(samples.margins))
+for k, branch in np.random.default_rng(1).permutation(kept)[:6].tolist():
+    other = integrate_branch(problem, samples.attitudes[k], branch)
+    assert ratio(other.motion) > least - 1e-3
+open("quick.yaml", "w").write(yaml.safe_dump(content | {"limits": {}}))
+run("plan", "quick.yaml", "--json", code=2)
 """,
     "phase kind": """
 from freefloat.dynamics.momentum import inertia_matrices
@@ -196,13 +167,12 @@ content = yaml.safe_load(ff.load_scenario("planar_2dof/line").text)
 content["robot"]["urdf"] = "planar_2dof"
 content["momentum"] = [0, 0, 0.5]
 rest = {"joints": [0.4, 1.2], "duration": 30}
-holds = [{"hold": 20}, {"hold": 5, "name": "wait"}]
-content["phases"] = [rest, *holds, {"joints": [0.2, 1.0], "duration": 30}]
+content["phases"] = [rest, {"hold": 20}, {"hold": 5, "name": "wait"}]
 open("hold.yaml", "w").write(yaml.safe_dump(content))
 assert "wait" in " ".join(run("plan", "hold.yaml", "-o", "hold.h5", "--html", "hold.html").split())
 loaded = ff.load("hold.h5")
 phases = loaded.to_dict()["phases"]
-assert [phase["kind"] for phase in phases] == ["path", "goal", "hold", "hold", "goal"]
+assert [phase["kind"] for phase in phases] == ["path", "goal", "hold", "hold"]
 assert phases[3]["name"] == "wait" and phases[2]["duration"] == 20
 hold = loaded.phases[2].motion
 np.testing.assert_allclose(hold.joints, np.tile([0.4, 1.2], (len(hold.times), 1)), atol=1e-12)
@@ -210,7 +180,6 @@ D = inertia_matrices(hold.model, hold.joints[0])[0]
 angle = heading_of(hold.final.attitude) - heading_of(hold.initial.attitude)
 assert abs(np.angle(np.exp(1j * (angle - 20 * 0.5 / D[2, 2])))) < 1e-9
 run("check", "hold.h5")
-run("export", "hold.h5", "-o", "hold.csv")
 assert "3 hold" in ff.playback(loaded).titles and ff.figures(loaded)
 content["phases"][1]["hold"] = -1
 open("hold.yaml", "w").write(yaml.safe_dump(content))
@@ -238,7 +207,7 @@ np.testing.assert_array_equal(np.loadtxt(lines[-5:]), table)
 """,
     "result view": """
 from freefloat.dynamics.momentum import mass_matrix
-from freefloat.io.formats.trajectory import Trajectory
+from freefloat.io.trajectory import Trajectory
 from freefloat.rotations import rotation_matrix
 
 problem = ff.load_scenario("spatial_6dof/line").problem()
@@ -262,7 +231,6 @@ ff.figures(ff.load("motion.h5"))["power"].savefig("power.pdf")
 
 
 def checkout(folder: Path, recipes: list[str]) -> Path:
-    """A copy of the sources, with their machine code, to which recipes are applied."""
     for name in ("src", "models"):
         shutil.copytree(ROOT / name, folder / name, ignore=shutil.ignore_patterns("*.pyc"))
     shutil.copy(ROOT / "pyproject.toml", folder)
@@ -273,7 +241,6 @@ def checkout(folder: Path, recipes: list[str]) -> Path:
 
 @pytest.fixture(scope="module")
 def extended(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A checkout with every recipe."""
     return checkout(tmp_path_factory.mktemp("checkout"), list(RECIPES.values()))
 
 
@@ -285,7 +252,6 @@ def compiled(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def execute(folder: Path, *words: str) -> None:
-    """Run a module of Python on the sources in a folder."""
     variables = {"PYTHONPATH": str(folder / "src"), "COLUMNS": "200"}
     done = subprocess.run(
         [sys.executable, *words], cwd=folder, env=os.environ | variables, check=False,

@@ -1,4 +1,4 @@
-"""README and docs: every block runs and prints what is shown, every link leads somewhere."""
+"""README and docs: every block runs and prints what is shown, links, packages, speeds."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import json
 import re
 import shutil
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 from IPython.core.interactiveshell import InteractiveShell
@@ -13,7 +14,7 @@ from IPython.utils.capture import capture_output
 from typer.main import get_command
 
 from freefloat.cli.app import app
-from tests.documents import PAGES, ROOT, Page, assert_shown, blocks_of
+from tests.documents import PAGES, ROOT, Page, blocks_of
 
 CHECKOUT = ("src", "models", "scripts", "tests", "docs", "pyproject.toml", "README.md", "LICENSE")
 """What the commands of CONTRIBUTING.md work on: a copy of it."""
@@ -83,18 +84,31 @@ def test_linked_and_named_files_exist(page: str) -> None:
         assert (ROOT / script).is_file(), script
 
 
-@pytest.mark.parametrize(
-    ("shown", "printed", "same"),
-    [
-        ("a  1.23 m\n", "a 1.2349 m\n", True),
-        ("4,096 motions\n", "4,097 motions\n", False),
-        ("a\n...\nd\n", "a\nb\nc\nd\n", True),
-        ("a\n...\nd\n", "a\nb\nc\n", False),
-    ],
-)
-def test_outputs_are_compared_to_the_digits_shown(shown: str, printed: str, same: bool) -> None:
-    if same:
-        assert_shown(shown, printed)
-    else:
-        with pytest.raises(AssertionError):
-            assert_shown(shown, printed)
+@pytest.fixture
+def benchmark(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
+    monkeypatch.syspath_prepend(str(ROOT / "scripts"))
+    import benchmark
+
+    return benchmark
+
+
+def test_contributing_names_every_package() -> None:
+    design = PAGES["CONTRIBUTING.md"].split("## The packages")[1].split("## Recipes")[0]
+    named = re.findall(r"`(\w+)`(?=[^|]*\| .+ \|$)", design, re.MULTILINE)
+    source = ROOT / "src" / "freefloat"
+    packages = {path.parent.name for path in source.glob("*/__init__.py")}
+    modules = {path.stem for path in source.glob("[!_]*.py")}
+    assert packages | modules == set(named)
+
+
+def test_the_speeds_are_those_measured(benchmark: ModuleType) -> None:
+    from benchmarks.result import load
+
+    computer, results = load(benchmark.MEASURED)
+    assert len(benchmark.headlines(results)) == len(benchmark.HEADLINES)
+    for page, content in benchmark.tables(computer, results).items():
+        assert benchmark.with_table(PAGES[page], content) == PAGES[page]
+
+
+def test_the_readme_is_short() -> None:
+    assert PAGES["README.md"].count("\n") <= 140

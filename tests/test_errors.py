@@ -17,7 +17,6 @@ INPUT = ("path.line.from", "[1, nan, 0] was given", "3 finite numbers", "scenari
 
 
 def every_error_class() -> list[type[FreeFloatError]]:
-    """All classes of errors of the package."""
     for module in pkgutil.iter_modules(freefloat.__path__):
         if module.name != "__main__":
             importlib.import_module(f"freefloat.{module.name}")
@@ -31,7 +30,6 @@ def _below(kind: type[FreeFloatError]) -> Iterator[type[FreeFloatError]]:
 
 
 def example(kind: type[FreeFloatError]) -> FreeFloatError:
-    """An error of a class."""
     if issubclass(kind, ff.InputError):
         return kind(*INPUT)
     if issubclass(kind, IntegrationError):

@@ -51,7 +51,6 @@ def installed_by(listed: list[str]) -> set[str]:
 
 
 def imported() -> set[str]:
-    """Names of the distributions that the sources import."""
     modules = set()
     for file in (ROOT / "src").rglob("*.py"):
         for node in ast.walk(ast.parse(file.read_text("utf-8"))):

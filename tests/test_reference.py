@@ -48,7 +48,6 @@ ROWS = re.findall(r"^\| `(\w+: .+?)` \|", SCENARIO, re.MULTILINE)
 
 @pytest.fixture
 def tables(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
-    """``scripts/documentation/tables.py``."""
     monkeypatch.syspath_prepend(str(ROOT / "scripts" / "documentation"))
     import tables
 
@@ -98,14 +97,12 @@ def test_the_yaml_of_a_table_row_makes_a_problem(row: str, in_folder: Path) -> N
 
 
 def write_samples(columns: int = 7) -> None:
-    """Write path.csv with the first columns of the example."""
     (samples,) = re.findall(r"```csv[^\n]*\n(.*?)```", SCENARIO, re.DOTALL)
     rows = [",".join(row.split(",")[:columns]) for row in samples.splitlines()]
     Path("path.csv").write_text("\n".join(rows))
 
 
 def loaded(document: dict[str, Any]) -> ff.Problem:
-    """Problem of a scenario file with this content."""
     file = Path("mine.yaml")
     file.write_text(yaml.safe_dump(document, sort_keys=False))
     return ff.load_scenario(file).problem()
@@ -151,8 +148,10 @@ def related(key: str, row: str) -> bool:
 
 @pytest.fixture(scope="module")
 def written(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, list[dict[str, Any]]]]:
-    """Documents of the commands, whose files are in the present folder."""
-    with chdir(tmp_path_factory.mktemp("reference")):
+    """Documents of the commands, whose files, but for figures, are in the present folder."""
+    with chdir(tmp_path_factory.mktemp("reference")), pytest.MonkeyPatch.context() as patch:
+        patch.setattr("matplotlib.figure.Figure.savefig", lambda *_, **__: None)
+        patch.setattr("freefloat.visualization.figures._HEADINGS", 12)
         yield documents_of_all_commands()
 
 

@@ -38,7 +38,7 @@ LOADED = "tests/missions/test_manoeuvre_command.py::test_a_loaded_motion_knows_w
 ARMS = "tests/motion/test_two_arms.py::test_plans_are_saved_loaded_and_checked"
 TESTS = {
     "dynamics.momentum": "tests/dynamics/test_momentum.py tests/validation/test_planar_golden.py",
-    "io.records": "tests/io/test_results.py tests/io/test_scene_section.py "
+    "io.results": "tests/io/test_results.py tests/io/test_scene_section.py "
     f"tests/io/test_singularity_file.py {LOADED} {ARMS} {KINDS}",
     "kinds": "tests/test_result_kinds.py tests/io/test_export.py tests/studies/test_track.py",
     "limits": f"tests/limits {KINDS}",
@@ -48,10 +48,10 @@ TESTS = {
     "tests/motion/test_other_arms.py tests/motion/test_two_arms.py tests/limits/test_clearance.py",
     "motion.law": "tests/motion/test_law.py tests/motion/test_two_arms.py "
     "tests/validation/test_mujoco.py",
-    "beyond.missions.phases": "tests/missions/test_phases.py tests/missions/test_manoeuvre.py "
-    "tests/missions/test_phase_limits.py",
+    "beyond.missions.manoeuvre_planner": "tests/missions/test_phases.py "
+    "tests/missions/test_manoeuvre.py tests/missions/test_phase_limits.py",
     "planning.plane.ranges": f"tests/planning/test_planar_ranges.py {RANGES}[2] {RANGES}[4]",
-    "planning.touching.touch_points": "tests/planning/test_touch_points.py -k 'not brute_force'",
+    "planning.touch_points": "tests/planning/test_touch_points.py -k 'not brute_force'",
     "codec": "tests/test_records.py",
 }
 """Arguments of pytest: the tests of a module or package, without its slowest."""

@@ -26,8 +26,9 @@ from freefloat.motion.extrema import closest_approach
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.margin import Margin
 from freefloat.motion.problem import Problem
-from freefloat.paths import DirectedOrientation, FixedOrientation
 from freefloat.paths.curves import PolynomialCurve
+from freefloat.paths.directed_orientation import DirectedOrientation
+from freefloat.paths.orientation import FixedOrientation
 from freefloat.planning.plane.arcs import BranchRanges
 from freefloat.planning.plane.ranges import find_range_limits, heading_ranges
 from freefloat.regions.planar_regions import PlanarArm, point_3_on_path

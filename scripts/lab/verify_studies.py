@@ -35,9 +35,9 @@ from freefloat.so3 import IntArray
 from freefloat.studies.columns import NUMBER, Columns
 from freefloat.studies.disturbances import Chunk
 from freefloat.studies.ensembles import computed
-from freefloat.studies.portable import PortableStudy
 from freefloat.studies.run import execute
 from freefloat.studies.study import Study
+from freefloat.studies.workers import PortableStudy
 
 NEAR = 1e-4
 """Permitted relative difference of minimum margins."""

@@ -25,17 +25,21 @@ from freefloat.motion.integration import ArcFlow, integrate_motion
 from freefloat.paths.curves import PolynomialCurve
 from freefloat.paths.directed_orientation import DirectedOrientation
 from freefloat.paths.orientation import OrientationLaw
-from freefloat.paths.time_laws import TimeLaw
 from freefloat.paths.timed_path import TimedPath
-from freefloat.paths.timing import Timing
+from freefloat.paths.timing import TimeLaw, Timing
+from freefloat.planning.margin_lines import PathOfPoint3, StatesOnPath
+from freefloat.planning.planar_touch_points import planar_touch_points
 from freefloat.planning.plane.ranges import heading_ranges
 from freefloat.planning.space.mapping import attitude_map
-from freefloat.planning.touching.margin_lines import PathOfPoint3, StatesOnPath
-from freefloat.planning.touching.planar_points import planar_touch_points
-from freefloat.planning.touching.touch_points import end_points, touch_points
-from freefloat.regions.elbow_arm import elbow_arm, wrist_in_tool
+from freefloat.planning.touch_points import end_points, touch_points
 from freefloat.regions.margin_curves import TwoAngleDeterminant, margin_curves
-from freefloat.regions.planar_regions import PlanarArm, point_3, point_3_on_path
+from freefloat.regions.planar_regions import (
+    PlanarArm,
+    elbow_arm,
+    point_3,
+    point_3_on_path,
+    wrist_in_tool,
+)
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import axes_rotation, unit_quaternion
 

@@ -14,8 +14,8 @@ from freefloat.paths.curves import PolynomialCurve
 from freefloat.paths.orientation import FixedOrientation
 from freefloat.planning.plan import Plan
 from freefloat.planning.plane.ranges import RangeLimit
-from freefloat.planning.touching.touch_point import TouchPoint
-from freefloat.planning.touching.touch_points import touch_points
+from freefloat.planning.touch_point import TouchPoint
+from freefloat.planning.touch_points import touch_points
 from freefloat.so3 import Array, axes_rotation
 
 TABLE_1 = {

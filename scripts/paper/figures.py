@@ -15,11 +15,11 @@ from matplotlib.patches import Polygon
 from scipy.optimize import brentq
 
 import freefloat as ff
-from freefloat.io.formats.trajectory import Trajectory
+from freefloat.io.trajectory import Trajectory
 from freefloat.motion.motion import Motion
 from freefloat.planning.plane.arcs import BranchRanges
 from freefloat.planning.plane.ranges import find_range_limits
-from freefloat.planning.touching.touch_point import TouchKind, motion_through
+from freefloat.planning.touch_point import TouchKind, motion_through
 from freefloat.regions.planar_regions import PlanarArm, point_3_on_path
 from freefloat.regions.workspace import workspace_regions
 from freefloat.so3 import Array
@@ -36,16 +36,16 @@ from freefloat.visualization.figure_style import (
     new_figure,
     styled,
 )
-from freefloat.visualization.figures.motion_figures import (
+from freefloat.visualization.motion_figures import (
     draw_curves,
     euler_angles,
     headings,
     mark_times,
     shown_times,
 )
-from freefloat.visualization.figures.planar_figures import joint_space_figure, motion_curve
-from freefloat.visualization.figures.scene_figures import from_above, outlines, snapshots_figure
-from freefloat.visualization.figures.workspace_figure import workspace_figure
+from freefloat.visualization.planar_figures import joint_space_figure, motion_curve
+from freefloat.visualization.scene_figures import from_above, outlines, snapshots_figure
+from freefloat.visualization.workspace_figure import workspace_figure
 from paper.examples import (
     BAD_ATTITUDE,
     example_1,

@@ -28,16 +28,16 @@ from .planning.simulation import simulate as simulate
 # The paper: all attitudes
 from .regions.workspace import workspace_regions as workspace_regions
 from .regions.margin_curves import margin_curves as margin_curves
-from .planning.touching.touch_points import touch_points as touch_points
+from .planning.touch_points import touch_points as touch_points
 from .planning.space.mapping import attitude_map as attitude_map
 from .planning.settings import Search as Search
 from .planning.planner import plan as plan
 
 # The paper: files, checks and pictures
-from .io.records.results import load as load
-from .io.records.results import save as save
+from .io.results import load as load
+from .io.results import save as save
 from .verification.check import check as check
-from .visualization.figures.figures import figures as figures
+from .visualization.figures import figures as figures
 from .visualization.page.playback import playback as playback
 from .visualization.page.playback import show as show
 
@@ -47,7 +47,7 @@ from .errors import InputError as InputError
 # Beyond the paper: an arm on a spacecraft
 from .robot.parts import Payload as Payload
 from .robot.parts import Spacecraft as Spacecraft
-from .robot.source import RobotSource as RobotSource
+from .robot.robot_files import RobotSource as RobotSource
 
 # Beyond the paper: joint space
 from .beyond.joint_space.singularity_map import singularity_map as singularity_map
@@ -76,13 +76,13 @@ from .beyond.missions.goals.goal import Goal as Goal
 from .beyond.missions.goals.mover import move as move
 from .beyond.missions.capture import Client as Client
 from .beyond.missions.capture import capture as capture
-from .beyond.missions.phases.kinds.capture_phase import CapturePhase as CapturePhase
-from .beyond.missions.phases.kinds.goal_phase import GoalPhase as GoalPhase
-from .beyond.missions.phases.kinds.path_phase import PathPhase as PathPhase
-from .beyond.missions.phases.manoeuvre_planner import plan_manoeuvre as plan_manoeuvre
+from .beyond.missions.capture_phase import CapturePhase as CapturePhase
+from .beyond.missions.goal_phase import GoalPhase as GoalPhase
+from .beyond.missions.path_phase import PathPhase as PathPhase
+from .beyond.missions.manoeuvre_planner import plan_manoeuvre as plan_manoeuvre
 
 # Beyond the paper: engines and exports
-from .io.formats.export import export as export
+from .io.export import export as export
 from .beyond.engines.tracking import track as track
 
 # Beyond the paper: many runs

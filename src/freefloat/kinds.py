@@ -54,10 +54,11 @@ class SectionKind:
 
 SECTIONS = {
     "goal": SectionKind(
-        "beyond.missions.phase_section:GoalSection", "beyond.missions.posed:PosedGoal"
+        "beyond.missions.phase_section:GoalSection", "beyond.missions.goal_phase:PosedGoal"
     ),
     "phases": SectionKind(
-        "beyond.missions.phase_section:PhaseSection", "beyond.missions.posed:PosedManoeuvre"
+        "beyond.missions.phase_section:PhaseSection",
+        "beyond.missions.manoeuvre_planner:PosedManoeuvre",
     ),
 }
 """Sections of scenario files that ask for more than a path, by key."""
@@ -95,41 +96,42 @@ class ResultKind:
 
 RESULT_KINDS = {
     "plan": ResultKind(
-        "planning.plan:Plan", "visualization.figures.figures:plan_figures",
+        "planning.plan:Plan", "visualization.figures:plan_figures",
         "visualization.scenes.scene:plan_scene", "verification.path_motions:plan_report",
-        "studies.record_values:plan_values", "cli.plan:plan_tables",
+        "studies.run:plan_values", "cli.plan:plan_tables",
     ),
     "motion": ResultKind(
-        "planning.simulation:Simulation", "visualization.figures.figures:simulation_figures",
+        "planning.simulation:Simulation", "visualization.figures:simulation_figures",
         "visualization.scenes.scene:simulation_scene",
-        "verification.path_motions:simulation_report", "studies.record_values:simulation_values",
+        "verification.path_motions:simulation_report", "studies.run:simulation_values",
         "cli.simulate:simulation_tables",
     ),
     "goal": ResultKind(
         "beyond.missions.goals.goal_motion:GoalMotion", "beyond.missions.figures:goal_figures",
         "beyond.missions.figures:goal_scene", "beyond.missions.manoeuvre_verification:goal_report",
-        "beyond.missions.values:goal_values", "beyond.missions.tables:goal_tables",
+        "beyond.missions.manoeuvre_files:goal_values", "beyond.missions.tables:goal_tables",
         "beyond.missions.manoeuvre_files:decode_goal",
         scenario="beyond.missions.manoeuvre_files:goal_scenario",
     ),
     "manoeuvre": ResultKind(
-        "beyond.missions.phases.manoeuvre:Manoeuvre",
+        "beyond.missions.manoeuvre:Manoeuvre",
         "beyond.missions.figures:manoeuvre_figures", "beyond.missions.figures:manoeuvre_scene",
         "beyond.missions.manoeuvre_verification:manoeuvre_report",
-        "beyond.missions.values:manoeuvre_values", "beyond.missions.tables:manoeuvre_tables",
+        "beyond.missions.manoeuvre_files:manoeuvre_values",
+        "beyond.missions.tables:manoeuvre_tables",
         "beyond.missions.manoeuvre_files:decode_manoeuvre", "beyond.missions.manoeuvre_files:CODEC",
         "beyond.missions.manoeuvre_files:manoeuvre_scenario",
     ),
     "attitude map": ResultKind(
         "planning.space.attitude_map:AttitudeMap",
-        "visualization.figures.figures:attitude_map_figures",
+        "visualization.figures:attitude_map_figures",
         "visualization.scenes.map_scene:map_scene", "verification.margin_maps:map_report",
-        "studies.record_values:attitude_map_values",
+        "studies.run:map_values",
     ),
     "map": ResultKind(
-        "planning.margin_map:HeadingMap", "visualization.figures.figures:heading_map_figures",
+        "planning.margin_map:HeadingMap", "visualization.figures:heading_map_figures",
         "visualization.scenes.map_scene:heading_scene", "verification.margin_maps:map_report",
-        "studies.record_values:heading_map_values",
+        "studies.run:map_values",
     ),
     "singularity map": ResultKind(
         "beyond.joint_space.singularity_map:SingularityMap",
@@ -141,7 +143,7 @@ RESULT_KINDS = {
 """Kinds of results that are saved, by the attribute ``kind`` of their records."""
 _MOTION = ResultKind(
     "motion.motion:Motion",
-    "visualization.figures.figures:drawn_motion_figures",
+    "visualization.figures:drawn_motion_figures",
     "visualization.scenes.scene:single_motion_scene",
 )
 

@@ -11,7 +11,8 @@ from freefloat.beyond.engines.mujoco import forward_run
 from freefloat.beyond.engines.mujoco_model import MuJoCoModel
 from freefloat.certificate.certificate import certify, integrate_again
 from freefloat.io.scenario.scenario import parse_scenario
-from freefloat.motion.motion import DEGREE, Ending
+from freefloat.motion.motion import Ending
+from freefloat.motion.panels import DEGREE
 from tests.motions import GOOD, bundled, heading, simulated
 from tests.prismatic import prismatic_motion, prismatic_robot
 

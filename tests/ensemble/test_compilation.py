@@ -20,8 +20,6 @@ from freefloat.ensemble.ensemble import EnsembleIntegrator
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.lockstep.cache_files import CheckedCacheFile
 from freefloat.lockstep.compilation import compiled
-from freefloat.lockstep.lanes import WIDTH
-from freefloat.lockstep.tables import workspace
 from freefloat.motion.motion import Motion
 from freefloat.so3 import frozen
 from tests.commands import without_progress
@@ -237,7 +235,6 @@ def test_kernels_run_without_a_cache_folder() -> None:
 
 
 def signatures() -> dict[str, int]:
-    """Number of compiled signatures of each kernel."""
     return {
         f"{name}.{kernel}": len(thing.signatures)
         for name in sys.modules if name.startswith("freefloat.")
@@ -266,19 +263,7 @@ def test_integers_read_only_arrays_and_single_motions_need_no_further_compilatio
 
 
 def used(problem: ff.Problem) -> Motion:
-    """The chosen motion, after all kernels have been called."""
     attitude = np.array([0.0, 0.0, 0.0, 1.0])
     results = FeasibilityEvaluator(problem, 1).evaluate(attitude[None], stop_at_margin=True)
     assert (results.motions.endings >= 0).any()
     return ff.simulate(problem, attitude).chosen.motion
-
-
-def test_arrays_of_a_workspace_begin_where_cache_lines_do() -> None:
-    """And do not overlap."""
-    arrays = workspace((3,), (2, 5), (0,), (7,))
-    assert [array.shape for array in arrays] == [(3, WIDTH), (2, 5, WIDTH), (0, WIDTH), (7, WIDTH)]
-    for number, array in enumerate(arrays):
-        assert array.size == 0 or array.ctypes.data % 64 == 0
-        assert not array.any()
-        array[:] = number + 1.0
-    assert [set(array.ravel().tolist()) for array in arrays] == [{1.0}, {2.0}, set(), {4.0}]

@@ -1,4 +1,4 @@
-"""Precise motions by the kernels are those of the reference engine."""
+"""Precise motions by the kernels are those of the reference engine, and many without them."""
 
 from __future__ import annotations
 
@@ -8,8 +8,12 @@ from scipy.interpolate import make_interp_spline
 
 import freefloat as ff
 from freefloat.ensemble.compiled_motions import precise_motion
+from freefloat.ensemble.ensemble import EnsembleIntegrator
+from freefloat.ensemble.integrators import PreciseIntegrator
+from freefloat.motion.pointing import AttitudeLimits
 from freefloat.motion.problem import Problem
 from freefloat.so3 import Array
+from tests.ensembles import headings, states
 from tests.errors import error_key
 from tests.motions import GOOD, bundled
 
@@ -78,3 +82,40 @@ def test_curves_with_unnamed_breaks_are_refused() -> None:
     assert plan.motion is not None
     assert plan.motion.residuals().end_effector_position < 1e-9
     assert error_key(lambda: ff.plan(unnamed)) == "path"
+
+
+LIMITS = AttitudeLimits(
+    pointing=(
+        ff.PointingLimit("link_1", [1, 0, 0], 1.0, keep="outside", direction=[0, 1, 0]),
+        ff.PointingLimit("link_2", [1, 0, 0], 2.0, point=[3.0, 1.0, 0.0]),
+    ),
+    base_turn=0.6,
+)
+MARGIN = 5.0
+"""Some motions keep it."""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("backward", [False, True])
+def test_results_are_those_of_the_kernels(backward: bool) -> None:
+    problem = ff.load_scenario("planar_2dof/line").problem()
+    attitudes, joints = states(problem, headings(*range(0, 360, 20)))
+    given = {"stop_below": MARGIN}
+    if backward:
+        forward = EnsembleIntegrator(problem, tolerance=1e-11).integrate(attitudes, joints)
+        done = forward.endings == 0
+        attitudes, joints = forward.attitudes[done], forward.joints[done]
+        given |= {"starts": forward.ended_at[done], "ends": 0.4 * forward.ended_at[done]}
+    compiled, precise = (
+        kind(problem, tolerance=1e-11, limits=LIMITS).integrate(attitudes, joints, **given)
+        for kind in (EnsembleIntegrator, PreciseIntegrator)
+    )
+    assert len(set(precise.endings.tolist())) > 1
+    np.testing.assert_array_equal(precise.endings, compiled.endings)
+    whole = ~np.isin(precise.endings, [1, 2])  # others stop where they use up the margin
+    for name in ("ended_at", "minimum", "attitudes", "joints", "slacks"):
+        values, expected = (getattr(result, name)[whole] for result in (precise, compiled))
+        np.testing.assert_allclose(values, expected, rtol=1e-6, atol=1e-6, err_msg=name)
+    for name in ("rates", "lower", "upper", "determinant_ratios"):  # at other steps
+        values, expected = (getattr(result, name)[whole] for result in (precise, compiled))
+        np.testing.assert_allclose(values, expected, rtol=0.03, atol=0.03, err_msg=name)

@@ -17,18 +17,10 @@ from freefloat.ensemble.result import EnsembleResult
 from freefloat.ensemble.systems import Systems
 from freefloat.motion.margin import keeps_threshold
 from freefloat.motion.motion import Ending
-from freefloat.paths import (
-    ArcCurve,
-    Curve,
-    DirectedOrientation,
-    OrientationLaw,
-    PolynomialCurve,
-    SlerpOrientation,
-    SplineCurve,
-    Stop,
-    TimeLaw,
-)
-from freefloat.paths.orientation import OrientationSpline
+from freefloat.paths.curves import ArcCurve, Curve, PolynomialCurve, SplineCurve
+from freefloat.paths.directed_orientation import DirectedOrientation
+from freefloat.paths.orientation import OrientationLaw, OrientationSpline, SlerpOrientation
+from freefloat.paths.timing import Stop, TimeLaw
 from freefloat.so3 import angle_between, heading_quaternion
 from tests.ensembles import FINE, both, dense, headings, random_attitudes, states
 from tests.errors import error_key
@@ -158,40 +150,6 @@ def test_planar_arms(joints: int, momentum: float) -> None:
     assert endings[-1] is Ending.SINGULAR
 
 
-def test_minima_do_not_depend_on_the_steps(spatial: ff.Problem) -> None:
-    """The same minima with steps of four different lengths, in both directions of time."""
-    tolerance = 1e-4
-    attitudes, joints = states(spatial, random_attitudes(10, 22))
-    integrator = EnsembleIntegrator(spatial, 1, tolerance=tolerance)
-    fine = EnsembleIntegrator(spatial, 1, tolerance=1e-10).integrate(attitudes, joints)
-    done = fine.endings == COMPLETED
-    assert done.sum() > 60
-    rough = integrator.integrate(attitudes, joints)
-    np.testing.assert_array_equal(rough.endings, fine.endings)
-    error = 30.0 * tolerance * fine.minimum.max()
-    np.testing.assert_allclose(rough.minimum, fine.minimum, rtol=1e-4, atol=error)
-    ends, zeros = np.full(done.sum(), spatial.path.duration), np.zeros(done.sum())
-    back = integrator.integrate(fine.attitudes[done], fine.joints[done], starts=ends, ends=zeros)
-    np.testing.assert_allclose(back.minimum, fine.minimum[done], rtol=1e-4, atol=error)
-
-
-def test_skewed_minimum_between_nodes() -> None:
-    """Before it the measure falls twenty times as steeply as it rises behind, near the end."""
-    line = bundled("spatial_6dof/line")
-    curve = ArcCurve([1.0, 0.0, 0.3], [1.3, 0.0, 0.3], [0.0, 0.0, 1.0], 2.0 * np.pi)
-    path = ff.EndEffectorPath(curve, line.path.path.orientation)
-    problem = replace(line, path=ff.TimedPath(path, ff.Timing(60.0, TimeLaw.QUINTIC)))
-    attitude = np.array(
-        [-0.5258695578591587, -0.774324080597602, -0.1540999826222065, -0.3164437101279262]
-    )
-    start = next(branch.joints for branch in problem.branches(attitude) if branch.index == 2)
-    result = EnsembleIntegrator(problem, 1).integrate(attitude[None], start[None])
-    motion = ff.integrate_motion(problem, attitude, start)
-    precise = ff.closest_approach(motion, problem.margin.measure)
-    assert result.minimum[0] == pytest.approx(precise.value, rel=2e-5)
-    assert result.minimum_at[0] == pytest.approx(precise.time, abs=0.1)
-
-
 @pytest.mark.parametrize("end", ["first", "last"])
 def test_minimum_near_an_end(spatial: ff.Problem, end: str) -> None:
     """A motion cut a little before or after the minimum of the whole: no node stands beyond it."""
@@ -224,16 +182,6 @@ def grid_states(problem: ff.Problem, *numbers: int) -> tuple[np.ndarray, np.ndar
     return attitudes[where][chosen], branches.joints[branches.exist][chosen]
 
 
-def test_motions_end_in_time_where_they_leave_a_singularity(spatial: ff.Problem) -> None:
-    """The pace of time grows so fast that a step by arc length would pass the end."""
-    attitudes, joints = grid_states(spatial, 428)
-    end = 38.43662833
-    result = EnsembleIntegrator(spatial, 1).integrate(attitudes, joints, ends=np.array([end]))
-    precise = ff.integrate_motion(spatial, attitudes[0], joints[0], end=end)
-    assert result.ended_at[0] == pytest.approx(end, abs=1e-12)
-    np.testing.assert_allclose(result.joints[0], precise.final.joints, atol=1e-4)
-
-
 def test_motions_may_pass_a_singularity_closely(spatial: ff.Problem) -> None:
     """Det S* falls to 1e-8 to 1e-13 of its largest value and rises again; ``arm`` stays large."""
     attitudes, joints = grid_states(spatial, 8504, 8511, 3871, 3720, 1013, 858, 570)
@@ -264,32 +212,6 @@ def test_states_that_kernels_could_not_read_are_refused(
         given["systems"] = Systems.of(spatial, given.pop("momenta"))
     integrator = EnsembleIntegrator(spatial, 1)
     assert error_key(lambda: integrator.integrate(**given)) in {key, "attitudes"}
-
-
-@pytest.mark.parametrize(
-    ("name", "attitude"),
-    [
-        ("planar_3dof/parabola", heading_quaternion(3.5)),
-        ("panda_servicer/line", [0.0, 0.0, 0.0, 1.0]),
-    ],
-)
-def test_backward_integration_retraces(name: str, attitude: object) -> None:
-    """An end before its start retraces the motion, with its stops, minimum and ranges."""
-    problem = bundled(name)
-    attitudes, joints = states(problem, problem.attitude(attitude))
-    integrator, T = EnsembleIntegrator(problem, 1, tolerance=FINE), problem.path.duration
-    there = integrator.integrate(attitudes, joints)
-    done = there.endings == COMPLETED
-    assert done.any()
-    end, start = np.full(int(done.sum()), T), np.zeros(int(done.sum()))
-    back = integrator.integrate(there.attitudes[done], there.joints[done], starts=end, ends=start)
-    assert (back.endings == COMPLETED).all()
-    np.testing.assert_array_equal(back.ended_at, 0.0)
-    np.testing.assert_allclose(back.joints, joints[done], rtol=0, atol=2e-5)
-    assert angle_between(back.attitudes, attitudes[done]).max() < 1e-5
-    np.testing.assert_allclose(back.minimum, there.minimum[done], rtol=2e-4)
-    np.testing.assert_allclose(back.lower, there.lower[done], rtol=0, atol=0.02)
-    np.testing.assert_allclose(back.upper, there.upper[done], rtol=0, atol=0.02)
 
 
 @pytest.mark.parametrize(
@@ -386,7 +308,7 @@ def test_progress_rises_to_one(planar: ff.Problem) -> None:
     fractions: list[float] = []
     starts = (np.tile(values, (4, 1)) for values in many(planar))  # many chunks, one at a time
     EnsembleIntegrator(planar, 1).integrate(*starts, progress=fractions.append)
-    assert len(fractions) >= 3
+    assert len(fractions) >= 2
     assert fractions == sorted(set(fractions))
     assert fractions[0] > 0.0
     assert fractions[-1] == 1.0

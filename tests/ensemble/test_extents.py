@@ -7,9 +7,9 @@ import pytest
 
 import freefloat as ff
 from freefloat.dynamics.redundancy import Metric, Toward
+from freefloat.ensemble.endings import step_tolerance
 from freefloat.ensemble.ensemble import EnsembleIntegrator
 from freefloat.ensemble.result import EnsembleResult
-from freefloat.ensemble.step_tolerances import step_tolerance
 from freefloat.motion.motion import Motion
 from tests.motions import GOOD, bundled, first_motion, simulated
 from tests.redundant import redundant

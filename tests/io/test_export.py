@@ -13,8 +13,8 @@ import pytest
 from scipy.io import loadmat
 
 import freefloat as ff
-from freefloat.io.formats.trajectory import Trajectory, even_times
-from freefloat.io.formats.trajectory_tables import csv_text, json_text, write_mat
+from freefloat.io.trajectory import Trajectory, even_times
+from freefloat.io.trajectory_tables import csv_text, json_text, write_mat
 from tests.commands import error, run
 from tests.motions import heading, simulated
 from tests.prismatic import prismatic_motion, prismatic_robot

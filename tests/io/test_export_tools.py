@@ -19,7 +19,7 @@ from scipy.spatial.transform import Rotation
 import freefloat as ff
 from freefloat.beyond.formats.mjcf_file import mjcf_text
 from freefloat.beyond.formats.ros2 import ros2_goal_text, ros2_text
-from freefloat.io.formats.trajectory import Header, Trajectory
+from freefloat.io.trajectory import Header, Trajectory
 from freefloat.motion.motion import Motion
 from freefloat.so3 import angle_between
 from tests.commands import document, error, run

@@ -16,7 +16,9 @@ from scipy.spatial.transform import Rotation
 import freefloat as ff
 from freefloat.io.scenario.scenario import Scenario
 from freefloat.io.scenario.writing import scenario_of
-from freefloat.paths import Curve, DirectedOrientation, TimeLaw
+from freefloat.paths.curves import Curve
+from freefloat.paths.directed_orientation import DirectedOrientation
+from freefloat.paths.timing import TimeLaw
 from freefloat.so3 import Pose, unit_quaternion
 from tests.errors import error_key
 

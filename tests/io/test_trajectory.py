@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from freefloat.io.formats.trajectory import Trajectory, even_times, times_at_rate
+from freefloat.io.trajectory import Trajectory, even_times, times_at_rate
 from freefloat.motion.motion import Ending
 from tests.differences import assert_close
 from tests.motions import bundled, heading, simulated

@@ -139,30 +139,15 @@ def test_an_axis_on_the_wrist_is_followed_along_every_branch() -> None:
     assert np.nanmax(np.abs(slacks[:, ::2] - slacks[:, 1::2])) > 0.1
 
 
-@pytest.mark.slow
-def test_a_spatial_plan_keeps_limits_that_the_largest_margin_violates() -> None:
-    scenario = ff.load_scenario("spatial_6dof/line")
-    problem, search = scenario.problem(), replace(scenario.search(), samples=1024)
-    free = ff.plan(problem, search).chosen.motion
-    root = problem.model.body_names[0]
-    limit = PointingLimit(root, [0.0, 1.0, 0.0], np.radians(110.0), direction=[0.0, 1.0, 0.2])
-    limits = Limits(pointing=(limit,), base_turn=np.radians(60.0))
-    assert not all(result.kept for result in check_limits(free, limits))
-    plan = ff.plan(problem, search, limits)
-    assert plan.feasible
-    bounds = np.cos([limit.angle, limits.base_turn / 2.0])
-    assert (cosines(plan.chosen.motion, limits) >= bounds).all()
-    endings = plan.map.to_dict()["endings"]
-    assert endings["limited"] > 0
-    assert endings["completed"] > 0
-
-
 @pytest.mark.parametrize(("change", "key"), [
     ({"point": [1, 0, 0]}, "target"), ({"direction": [0, 0, 0]}, "target.direction"),
 ])  # fmt: skip
 def test_errors_of_a_pointing_limit(change: dict, key: str) -> None:
     values = {"body": "spacecraft", "axis": [1, 0, 0], "angle": 0.5, "direction": [0, 0, 1]}
     assert error_key(lambda: PointingLimit(**values | change)) == key
+    problem = ff.load_scenario("planar_2dof/line").problem()
+    limits = Limits(pointing=(PointingLimit(**values | {"body": "antenna"}),))
+    assert error_key(ff.plan, problem, limits=limits) == "limits.pointing.0.body"
 
 
 def test_a_limit_is_shown_by_its_name_in_degrees() -> None:
@@ -175,10 +160,3 @@ def test_a_limit_is_shown_by_its_name_in_degrees() -> None:
     assert result.where == "star tracker"
     assert result.sentence == f"at least 20 deg: {np.degrees(result.worst):.4g}"
     assert scenario.limits().pointing[0].to_dict() | {"angle_deg": 20.0} == cone
-
-
-def test_errors_of_limits() -> None:
-    motion = ff.simulate(ff.load_scenario("planar_2dof/line").problem(), heading=0.0).chosen.motion
-    limit = PointingLimit("antenna", [1, 0, 0], 0.5, direction=[0, 0, 1])
-    key = "limits.pointing.0.body"
-    assert error_key(lambda: check_limits(motion, Limits(pointing=(limit,)))) == key

@@ -1,24 +1,27 @@
-"""Distances between a robot and a scene along a motion: closed forms, MuJoCo, fine sampling."""
+"""Distances to a scene and deviations from a corridor along a motion, in closed form."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
-import trimesh
 from scipy.optimize import minimize_scalar
 from scipy.spatial.transform import Rotation
 
 from freefloat.io.scenario.scenario import load_scenario
-from freefloat.limits.check import deepest_contact
+from freefloat.limits.check import check_limits, deepest_contact
 from freefloat.limits.clearance import clearance
+from freefloat.limits.limits import Limits
 from freefloat.limits.pairs import CollisionPairs
-from freefloat.motion.integration import integrate_motion
-from freefloat.motion.law import PathLaw
-from freefloat.motion.scene_poses import scene_poses
+from freefloat.motion.joint_curves import JointSpline
+from freefloat.motion.joint_integration import integrate_spline
+from freefloat.motion.law import JointLaw, PathLaw
+from freefloat.motion.setting import JointSetting
+from freefloat.planning.planner import plan
+from freefloat.planning.settings import Search
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.parts import Payload
 from freefloat.robot.shapes import Box, Cylinder, Sphere
-from freefloat.scene.scene import Scene
+from freefloat.scene.scene import Corridor, Scene
 from freefloat.scene.scene_body import SceneBody
 from freefloat.scene.tumbling import Tumbling
 from tests.prismatic import LENGTH, prismatic_motion, prismatic_robot, shape_text
@@ -95,61 +98,6 @@ def test_links_that_may_touch_are_left_out():
     assert contact.depth == pytest.approx(0.6, abs=1e-6)
 
 
-@pytest.mark.slow
-def test_a_ball_in_the_notch_of_a_mesh_is_no_contact(tmp_path):
-    """Inside the convex hull of an angle of two plates, beside both: meshes are divided."""
-    file = tmp_path / "angle.stl"
-    plates = [trimesh.creation.box((2.0, 0.02, 0.4)), trimesh.creation.box((0.02, 1.0, 0.4))]
-    plates[0].apply_translation([0.0, -0.3, 0.0])
-    plates[1].apply_translation([1.3, 0.2, 0.0])
-    trimesh.util.concatenate(plates).export(file)
-    body = SceneBody("angle", str(file), [1.0, 0.0, 0.0])
-    motion = prismatic(body)
-    assert deepest_contact(motion) is None
-    assert 0.1 < nearest_of(motion)[0] <= 0.3 - 0.01 - RADIUS + 1e-6  # parts contain the mesh
-    raised = prismatic(SceneBody("angle", str(file), [1.0, 0.25, 0.0]))
-    contact = deepest_contact(raised)
-    assert contact.bodies == ("hand", "angle")
-    assert 0.01 + RADIUS - 0.05 - 1e-6 <= contact.depth < 0.12
-
-
-def motion_of(name, attitude, branch, scene):
-    problem = load_scenario(name).problem().replace(scene=scene)
-    attitude = problem.attitude(attitude)
-    return integrate_motion(problem, attitude, problem.branches(attitude)[branch].joints)
-
-
-def random_scene(rng):
-    """A fixed cylinder, a box that moves with the target and a tumbling box around the arm."""
-    far = rng.uniform(1.0, 2.0, 2)[:, None] * rng.normal(size=(2, 3))
-    axes = Rotation.random(2, rng=rng).as_matrix()
-    tumbling = Tumbling([2.0, 3.0, 4.0], rng.normal(size=3) * 0.3, com=[0.2, 0.0, 0.1])
-    return Scene((
-        SceneBody("mast", Cylinder(0.05, 1.0), far[0], axes[0]),
-        SceneBody("plate", Box([0.4, 0.3, 0.01]), [0.2, 0.3, 0.6], motion="target"),
-        SceneBody("client", Box([0.6, 0.5, 0.9]), far[1], axes[1], tumbling),
-    ))  # fmt: skip
-
-
-PANDA = ("panda_servicer/line", [0.0, 0.0, 0.0, 1.0], 1)
-
-
-@pytest.mark.slow
-def test_fine_sampling_finds_nothing_nearer():
-    """The tumbling body meets the spacecraft."""
-    motion = motion_of(*PANDA, random_scene(np.random.default_rng(4)))
-    problem = motion.problem
-    pairs = CollisionPairs(problem.model, scene=problem.scene)
-    every, places = np.arange(len(pairs.pairs)), np.linspace(0.0, motion.panels, 101)
-    sampled = np.array([
-        pairs.distances(q, every, a, scene_poses(motion, t, a, q))
-        for t, a, q in zip(*motion.evaluate(places), strict=True)
-    ])  # fmt: skip
-    nearest = clearance(motion, pairs)
-    assert pairs.name(nearest.pair) == "spacecraft - client"
-    assert sampled.min() - 5e-3 <= nearest.distance <= sampled.min() + 1e-8
-
-
 def test_a_held_body_is_the_shape_of_its_payload():
     """Its pairs with links are considered; those with bodies beside the robot are named."""
     payload = Payload(0.5, [0.1, 0.1, 0.1])
@@ -163,3 +111,63 @@ def test_a_held_body_is_the_shape_of_its_payload():
     assert not any(note.startswith("payload") for note in known.left_out)
     assert any(note.startswith("client - wall:") for note in known.left_out)
     assert {known.name(pair) for pair in range(len(known.pairs))} >= {"bus - client", "hand - wall"}
+
+
+def corridor_result(*arguments, bodies=(), **options):
+    motion = prismatic_motion(prismatic_robot())
+    scene = Scene(bodies, Corridor(*arguments, **options))
+    motion = replace(motion, law=PathLaw(motion.problem.replace(scene=scene)))
+    (result,) = (r for r in check_limits(motion, Limits()) if r.limit == "corridor")
+    return result
+
+
+@pytest.mark.parametrize("half_angle", [0.2, 0.4])
+def test_the_largest_angle_is_at_the_end(half_angle):
+    """The apex is beside the path, the axis parallel to it."""
+    result = corridor_result([0.0, 0.3, 0.0], [1.0, 0.0, 0.0], half_angle)
+    assert result.worst == pytest.approx(np.arctan(0.3 / START), abs=1e-9)
+    assert result.time < 1e-3  # at rest: until then the end-effector moves by rounding errors only
+    assert result.kept is (half_angle == 0.4)
+    assert result.ratio == pytest.approx(result.worst / half_angle)
+    assert result.where == "hand"
+
+
+def test_the_largest_distance_is_between_samples():
+    """About the z axis of a ball that circles in the plane of the path, at the same rate."""
+    rate = 0.37
+    tumbling = Tumbling([2.0, 2.0, 3.0], [0.0, 0.0, rate], com=[-0.2, 0.0, 0.0])
+    body = SceneBody("client", Sphere(0.01), [1.5, 0.0, 0.0], motion=tumbling)
+    motion = prismatic_motion(prismatic_robot())
+    result = corridor_result([0, 0, 0], [0, 0, 1], radius=2.0, body="client", bodies=[body])
+    t = np.linspace(0.0, 20.0, 200_001)
+    x = START + LENGTH * np.array([motion.problem.path.timing.s(at) for at in t[::20]])
+    ball = 1.3 + 0.2 * np.exp(1j * rate * t[::20])
+    assert result.worst == pytest.approx(np.abs(ball - x).max(), abs=1e-6)
+
+
+def test_a_corridor_of_a_held_body_moves_with_the_joints():
+    """Prescribed joints: the end-effector stays where it is in the frame of the body."""
+    system = load_scenario("planar_2dof/line").problem().system
+    held = SceneBody("tool", Sphere(0.01), [0.1, 0.2, 0.0], motion="target")
+    scene = Scene((held,), Corridor([0.0, 0.0, 0.0], [1, 0, 0], radius=0.3, body="tool"))
+    spline = JointSpline([[0.3, 0.5]] * 6 + [[1.0, -0.5]] * 6)
+    law = JointLaw(JointSetting.of(system, scene), spline, 20.0)
+    motion = integrate_spline(law, [0.0, 0.0, 0.6, 0.8])
+    (result,) = check_limits(motion, Limits(clearance="off"))
+    assert result.worst == pytest.approx(0.2, abs=1e-9)
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("kernels")
+def test_a_plan_whose_path_leaves_the_corridor_is_infeasible_at_once():
+    scenario = load_scenario("planar_2dof/line")
+    corridor = Corridor([0.0, 0.0, 0.0], [1.0, 0.0, 0.0], 0.5)
+    problem = scenario.problem().replace(scene=Scene((), corridor))
+    result = plan(problem, Search(), scenario.limits())
+    assert not result.feasible
+    assert result.excluded == {"corridor": 1}
+    assert "at most 28.648 deg: 67.38; no attitude helps" in result.reason  # atan2(1.2, 0.5)
+    wide = replace(corridor, half_angle=1.2)
+    kept = plan(problem.replace(scene=Scene((), wide)), Search(), scenario.limits())
+    assert kept.feasible
+    assert {entry.limit for entry in kept.limit_results} >= {"corridor"}

@@ -11,7 +11,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import freefloat as ff
-from freefloat.beyond.missions.phases.manoeuvre import Manoeuvre
+from freefloat.beyond.missions.manoeuvre import Manoeuvre
 from freefloat.certificate.certificate import certify
 from freefloat.errors import UnreachableError
 from freefloat.io.scenario.scenario import Scenario
@@ -161,7 +161,7 @@ def first_reached(problem: ff.Problem, search: ff.Search, limits: ff.Limits, **_
 @pytest.mark.parametrize("seed", ARMS)
 def test_phases_of_random_manoeuvres_join(seed: int, tmp_path: Path, monkeypatch) -> None:
     """With momentum, wheels and drift, joints beyond pi, captures, redundant and prismatic arms."""
-    monkeypatch.setattr("freefloat.beyond.missions.phases.manoeuvre_planner.plan", first_reached)
+    monkeypatch.setattr("freefloat.beyond.missions.manoeuvre_planner.plan", first_reached)
     scenario = random_scenario(seed, tmp_path)
     found = ff.plan_manoeuvre(
         scenario.problem(), scenario.phases(), scenario.search(), scenario.limits(),

@@ -12,10 +12,8 @@ from scipy.spatial.transform import Rotation
 
 import freefloat as ff
 from freefloat.dynamics.momentum import inertia_matrices
-from freefloat.dynamics.tasks import Task
 from freefloat.motion.joint_curves import JointSpline
 from tests.errors import error_key
-from tests.robots import inertial_text, joint_text, link_text
 
 START = [0.0, 0.8, -1.2, 0.0, 0.6, 0.0]
 STATE = ([0.0, 0.0, 0.0, 1.0], START)
@@ -147,58 +145,3 @@ def test_goals_must_suit_the_system() -> None:
         assert error_key(ff.move, system, state, goal) == key
     tilted = [0.1305262, 0.0, 0.0, 0.9914449], state[1]
     assert error_key(ff.move, system, tilted, ff.Goal(joints=[0.1, 0.2])) == "state.attitude"
-
-
-def test_limits_of_some_rates_or_of_torques_alone_determine_the_duration() -> None:
-    system = ff.System(ff.FreeFloatingModel.from_urdf("planar_2dof"))
-    state, goal = ([0.0, 0.0, 0.0, 1.0], [0.3, 0.05]), ff.Goal(joints=[0.9, 2.4])
-    torques = ff.Limits(joint_torque=[1.0, 1.0])
-    beside = ff.move(system, state, goal, replace(torques, joint_rate=[2.0, 2.0]))
-    alone = ff.move(system, state, goal, torques)
-    assert alone.duration == pytest.approx(beside.duration, rel=0.02)
-    free = ff.move(system, state, ff.Goal(joints=[0.3, 0.55]), ff.Limits(joint_rate=[0.1, np.inf]))
-    assert 0.5 <= free.duration <= 0.6  # at 1 rad/s
-
-
-def test_under_accelerations_a_motion_is_hardly_longer_than_the_straight_one() -> None:
-    """The quintic from rest to rest of all joints at once."""
-    system = ff.load_scenario("spatial_6dof/line").problem().system
-    start, end = (
-        np.array([0.0, 0.8, -1.2, 0.0, 0.6, 0.0]),
-        np.array([0.2, 0.3, -0.7, 0.1, 0.9, 0.3]),
-    )
-    straight = np.sqrt(10.0 / np.sqrt(3.0) * np.abs(end - start).max() / 0.01)
-    limits = ff.Limits(joint_rate=0.3, joint_acceleration=0.01, clearance="off")
-    found = ff.move(system, ([0.0, 0.0, 0.0, 1.0], start), ff.Goal(joints=end), limits)
-    assert found.feasible
-    assert found.duration < 1.2 * straight
-
-
-def test_arms_with_parallel_axes_in_their_own_frames_leave_the_plane() -> None:
-    places = [("0 0 0.5", "0 0 0"), ("0 0 0.5", "1.5708 0 0"), ("0.4 0 0.5", "0 1.2 0")]
-    links = [link_text("bus", inertial_text(90.0, 10.0 * np.eye(3)))]
-    for k, (place, turn) in enumerate(places):
-        links += [joint_text(f"q{k}", "R", f"l{k - 1}" if k else "bus", f"l{k}", place, turn),
-                  link_text(f"l{k}", inertial_text(5.0, np.eye(3), "0.1 0 0.3"))]  # fmt: skip
-    system = ff.System(ff.FreeFloatingModel.from_urdf(f'<robot name="r">{"".join(links)}</robot>'))
-    state, goal = (STATE[0], np.zeros(3)), ff.Goal(joints=[0.2, 0.1, 0.3])
-    result = ff.move(system, state, goal, ff.Limits(joint_rate=np.full(3, 0.1)))
-    assert (result.feasible, result.setting.task) == (True, Task.POSITION)
-
-
-@pytest.mark.slow
-def test_a_reorientation_keeps_cones_and_torques() -> None:
-    """A goal with an attitude, and the joints back."""
-    problem = ff.load_scenario("spatial_6dof/line").problem().replace(momentum=np.zeros(3))
-    cone = ff.PointingLimit("spacecraft", [0, 0, 1], np.radians(40.0), direction=[0, 0, 1])
-    limits = ff.Limits(joint_rate=np.full(6, 0.1), joint_torque=np.full(6, 0.05), pointing=[cone])
-    end = Rotation.from_rotvec([0.0, 0.1, 0.4]).as_quat()
-    result = ff.move(problem.system, STATE, ff.Goal(attitude=end, joints=START), limits)
-    assert result.feasible
-    assert result.error < 1e-9
-    R = Rotation.from_quat(result.motion.attitudes)
-    assert (R.apply([0, 0, 1])[:, 2] >= np.cos(cone.angle) - 1e-9).all()
-    effort = result.motion.law.effort
-    states = result.motion.sample(np.linspace(0.0, result.duration, 50))
-    torques = [effort(x.time, x.attitude, x.joints).joint_torques for x in states]
-    assert np.abs(torques).max() <= 0.05 * (1.0 + 1e-6)

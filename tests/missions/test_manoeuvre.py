@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 
 import freefloat as ff
-from freefloat.beyond.missions.phases.manoeuvre import Manoeuvre
-from freefloat.beyond.missions.phases.state import SystemState
+from freefloat.beyond.missions.manoeuvre import Manoeuvre
+from freefloat.beyond.missions.state import SystemState
 from freefloat.certificate.certificate import certify
-from freefloat.paths.time_laws import TimeLaw
-from freefloat.planning.motions import branch_at
+from freefloat.paths.timing import TimeLaw
 from freefloat.rotations import rotation_matrix
 from freefloat.so3 import Pose, angle_between
 
@@ -110,32 +109,6 @@ def test_a_margin_is_required_of_later_paths(state: SystemState) -> None:
     for factor, feasible in ((0.99, True), (1.01, False)):
         back = ff.PathPhase(BACK, "back", margin=factor * margin)
         assert back.run(state, limits).feasible is feasible
-
-
-def test_the_branch_of_a_further_path_is_that_of_its_joints(problem: ff.Problem) -> None:
-    chosen = ff.simulate(problem, heading=0.45).chosen
-    state, turns = chosen.motion.initial, np.array([2.0 * np.pi, -2.0 * np.pi])
-    labels = chosen.branch.label, chosen.branch.label, "given"
-    for difference, label in zip((0.0, 5e-7, 2e-6), labels, strict=True):
-        joints = state.joints + turns + np.array([difference, 0.0])
-        branch = branch_at(problem, state.attitude, joints)
-        assert (branch.label, branch.index == chosen.branch.index) == (label, label != "given")
-        np.testing.assert_array_equal(branch.joints, joints)
-
-
-def test_a_state_moves_with_the_path(problem: ff.Problem) -> None:
-    """Also where the centre of mass drifts, and the path begins and ends in motion."""
-    timing, drift = ff.Timing(30.0, TimeLaw.UNIFORM), np.array([0.002, -0.003, 0.0])
-    path = ff.TimedPath(problem.path.path, timing, drift)
-    moving = problem.replace(path=path, start_joints=[0.4, 1.2])
-    motion = ff.simulate(moving, heading=0.45).chosen.motion
-    start = SystemState.at_start(motion)
-    for state, t in (start, 0.0), (start.after(motion), 30.0):
-        assert (state.time, state.problem.start_joints) == (t, None)
-        np.testing.assert_allclose(state.centre, t * drift, atol=1e-15)
-        twist = path.twist(t) + path.drift_twist
-        np.testing.assert_allclose(state.twist[:3], twist[:3], atol=1e-7)
-        np.testing.assert_allclose(state.pose.position, path.pose(t).position, atol=1e-7)
 
 
 @pytest.mark.slow

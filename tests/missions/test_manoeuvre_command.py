@@ -139,7 +139,3 @@ def test_bad_phases_are_refused(file: Path, old: str, new: str, key: str) -> Non
     scenario = changed(file, old, new)
     for words in (("plan", scenario), ("simulate", scenario, "--heading", "0")):
         assert error(*words)["key"] == key
-
-
-def test_durations_of_phases_are_not_stretched(file: Path) -> None:
-    assert error("plan", file.parent / "scenario.yaml", "--stretch")["key"] == "stretch"

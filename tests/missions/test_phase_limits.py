@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 import freefloat as ff
-from freefloat.beyond.missions.phases.manoeuvre import Manoeuvre
+from freefloat.beyond.missions.manoeuvre import Manoeuvre
 from freefloat.limits.kinds import KINDS
-from freefloat.motion.scene_poses import scene_poses
 
 BODY = ff.SceneBody("client", ff.Sphere(0.1), position=[2.5, 1.2, 0.0])
 AROUND = ff.Corridor([0.0, 0.0, 0.0], [0.0, 0.0, 1.0], radius=5.0)
@@ -65,27 +64,6 @@ def test_the_scene_stays_where_it_is_while_the_centre_of_mass_drifts(manoeuvre: 
             axis = corridor.position + setting.scene.corridor.point
             np.testing.assert_allclose(body.position + centre, BODY.position, atol=1e-12)
             np.testing.assert_allclose(axis + centre, AROUND.point, atol=1e-12)
-
-
-@pytest.mark.slow
-def test_a_held_body_moves_with_the_end_effector_of_free_orientation(problem: ff.Problem) -> None:
-    """Along a path of positions and along joints, from where the rod is captured."""
-    end = problem.path.path.pose(1.0).position
-    rod = ff.SceneBody("client", ff.Box([0.8, 0.1, 0.1]), end + np.array([0.3, 0.2, 0.0]))
-    line = ff.Goal(ff.so3.Pose(end - np.array([0.0, 0.2, 0.0]), np.eye(3)), duration=20.0)
-    phases = [ff.CapturePhase("client", 3.0, [0.1, 0.2, 0.2]), ff.PathPhase(line), BERTH]
-    around = problem.replace(scene=ff.Scene((rod,)))
-    touching = ff.Limits(clearance="off")  # the second link passes through the spacecraft
-    _, _, *after = ff.plan_manoeuvre(around, phases, limits=touching).phases
-    offsets = []
-    for motion in (phase.motion for phase in after):
-        for state in (motion.initial, motion.final):
-            hand = motion.model.end_effector_pose(state.attitude, state.joints)
-            (pose,) = scene_poses(motion, state.time, state.attitude, state.joints)
-            offsets.append((hand.inverse() @ pose).position)
-            if len(offsets) == 1:
-                np.testing.assert_allclose(pose.position + after[0].centre, rod.position, atol=1e-6)
-    np.testing.assert_allclose(offsets, [offsets[0]] * 4, atol=1e-9)
 
 
 @pytest.mark.slow

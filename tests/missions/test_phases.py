@@ -13,9 +13,9 @@ import yaml
 from scipy.spatial.transform import Rotation
 
 import freefloat as ff
-from freefloat.beyond.missions.phases.kinds.path_phase import moved_to_begin_at, require_continuous
-from freefloat.beyond.missions.phases.phase import checked_phases
-from freefloat.beyond.missions.phases.state import SystemState
+from freefloat.beyond.missions.manoeuvre import checked_phases
+from freefloat.beyond.missions.path_phase import moved_to_begin_at, require_continuous
+from freefloat.beyond.missions.state import SystemState
 from freefloat.dynamics.plane import Plane
 from freefloat.dynamics.tasks import Task
 from freefloat.so3 import Pose
@@ -83,7 +83,7 @@ def no_planning(monkeypatch) -> None:
     def planned(*_: Any, **__: Any) -> None:
         raise AssertionError("the path was planned")
 
-    monkeypatch.setattr("freefloat.beyond.missions.phases.manoeuvre_planner.plan", planned)
+    monkeypatch.setattr("freefloat.beyond.missions.manoeuvre_planner.plan", planned)
 
 
 ANY = "uniform"
@@ -144,19 +144,6 @@ def test_a_reorientation_begins_at_present_joints_in_their_ranges() -> None:
                         (ff.Search("margin"), "from_attitude")):  # fmt: skip
         refused = error_key(ff.plan_manoeuvre, problem, (), search, reorient=True)
         assert refused == f"search.{key}"
-
-
-def test_the_inertia_of_a_tumbling_is_known_up_to_a_factor(state: SystemState) -> None:
-    given = replace(CAPTURE, inertia=10.0 * TUMBLING.inertia, com=TUMBLING.com)
-    light, heavy = CAPTURE.run(state, ff.Limits()), given.run(state, ff.Limits())
-    np.testing.assert_allclose(heavy.mismatch, light.mismatch, atol=1e-15)
-
-
-def test_a_fixed_body_is_captured_about_the_origin_of_its_frame(state: SystemState) -> None:
-    fixed = ff.CapturePhase("payload", 3.0, inertia=[0.1, 0.1, 0.1])
-    result = fixed.run(state, ff.Limits())
-    box = BODIES[1].position * 3.0 / result.model.total_mass  # from the robot's centre of mass
-    np.testing.assert_allclose(result.centre_of_mass, box, atol=1e-12)
 
 
 @pytest.mark.parametrize("duration", [0.0, 1e-300, 1e-9, np.inf, np.nan, "3"])

@@ -15,8 +15,8 @@ from freefloat.beyond.engines.mujoco_model import MuJoCoModel
 from freefloat.beyond.joint_space.distance import distance_to_singularity
 from freefloat.ensemble.ensemble import EnsembleIntegrator
 from freefloat.ik.nearest import newton_solutions
-from freefloat.io.formats.export import Format, trajectories
-from freefloat.io.formats.trajectory import Trajectory
+from freefloat.io.export import Format, trajectories
+from freefloat.io.trajectory import Trajectory
 from freefloat.limits.limits import Limits
 from freefloat.motion.law import PathLaw
 from freefloat.motion.residuals import path_errors

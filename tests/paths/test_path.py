@@ -6,7 +6,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import freefloat as ff
-from freefloat.paths import ArcCurve, DirectedOrientation, SplineCurve
+from freefloat.paths.curves import ArcCurve, SplineCurve
+from freefloat.paths.directed_orientation import DirectedOrientation
 from freefloat.paths.samples import parse_samples, samples_text
 from tests.differences import assert_close
 from tests.errors import error_key

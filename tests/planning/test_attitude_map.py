@@ -1,4 +1,4 @@
-"""Counts of maps, and connected regions of the feasible set."""
+"""Counts of maps, connected regions of the feasible set, and its boundary."""
 
 from __future__ import annotations
 
@@ -8,7 +8,9 @@ import pytest
 import freefloat as ff
 from freefloat.attitude_grids import attitude_grid, grid_spacing
 from freefloat.ensemble.endings import SINGULAR
+from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.planning.space.attitude_map import AttitudeMap, find_regions
+from freefloat.planning.space.mapping import boundary_points, sample_attitudes, tangent_boundary
 from freefloat.so3 import angle_between
 from tests.maps import branch_results
 
@@ -72,3 +74,36 @@ def test_a_ring_is_one_region(margin_30: ff.Problem) -> None:
     margins[:, 0] = 40.0 * about_z
     (region,) = find_regions(made(margin_30, attitudes, margins))
     assert region.fraction == about_z.mean()
+
+
+@pytest.fixture(scope="module")
+def evaluator(margin_30: ff.Problem) -> FeasibilityEvaluator:
+    return FeasibilityEvaluator(margin_30, 1)
+
+
+@pytest.mark.slow
+def test_precise_motions_from_the_boundary_just_keep_the_margin(
+    evaluator: FeasibilityEvaluator, margin_30: ff.Problem
+) -> None:
+    points = boundary_points(evaluator, sample_attitudes(evaluator, 512), 3)
+    assert [point.branch for point in points] == [b for b in (0, 2, 4, 6) for _ in range(3)]
+    for point in points[::2]:
+        assert point.gap is None
+        chosen = ff.simulate(margin_30, point.attitude, branch=point.branch).chosen
+        assert chosen.motion.completed
+        assert chosen.closest_approach.value == pytest.approx(30.0, rel=1e-3)
+
+
+@pytest.mark.slow
+def test_touch_points_lie_where_bisection_finds_the_boundary(
+    evaluator: FeasibilityEvaluator, margin_30: ff.Problem
+) -> None:
+    """To a tenth of a degree; precise motions from there just keep the margin."""
+    points = tangent_boundary(evaluator, 6)
+    assert len(points) == 6
+    assert max(point.gap for point in points) < np.radians(0.1)
+    assert min(point.gap for point in points) >= 0.0
+    for point in points[:3]:
+        chosen = ff.simulate(margin_30, point.attitude, branch=point.branch).chosen
+        assert chosen.motion.completed
+        assert chosen.closest_approach.value == pytest.approx(30.0, rel=2e-4)

@@ -1,6 +1,7 @@
-"""Contact is a limit of every motion that is planned: the second link swings into the spacecraft.
+"""Contact is a limit of every motion that is planned, also with other bodies.
 
-With the elbow on one side the margin is larger, and the robot of ``planar_2dof`` touches itself.
+With the elbow on one side the margin is larger, and the second link of ``planar_2dof`` swings
+into its spacecraft.
 """
 
 from __future__ import annotations
@@ -84,13 +85,6 @@ def test_a_simulation_chooses_the_branch_without_contact(problem: ff.Problem) ->
     assert " m: -0.03799" in other.reason
 
 
-def test_the_fastest_timing_is_of_a_motion_without_contact(problem: ff.Problem) -> None:
-    sought = problem.replace(
-        path=replace(problem.path, timing=ff.Timing(30.0, ff.paths.TimeLaw.OPTIMAL))
-    )
-    assert_kept(*(ff.plan(sought, AROUND, limits) for limits in (DEFAULT, OFF)))
-
-
 def test_no_phase_of_a_manoeuvre_is_in_contact(problem: ff.Problem) -> None:
     """A goal after the path, and a way there and back during which the link must not turn in."""
     bent = problem.replace(start_joints=None)
@@ -123,3 +117,38 @@ def test_commands_name_bodies_distance_and_time(tmp_path: Path) -> None:
             assert (entry["where"], entry["kept"]) == ("spacecraft - link_2", False)
             assert entry["worst"] == pytest.approx(-0.038, abs=1e-4)
             assert f"{entry['time']:.4f}" in result.stdout
+
+
+LIMITS = ff.Limits(clearance=0.02)
+PLACE = [0.35, 0.75, 0.0]
+"""The elbow of the best motion passes here [m]."""
+
+
+def beside(*bodies):
+    scenario = ff.load_scenario("planar_2dof/line")
+    problem = scenario.problem().replace(scene=ff.Scene(bodies))
+    return ff.plan(problem, scenario.search(), LIMITS)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("in_the_way", [False, True])
+def test_a_tumbling_body_is_an_obstacle_at_its_time_only(in_the_way):
+    """The same ball on a wheel above: it is down there with the elbow or half a minute later."""
+    fixed = ff.SceneBody("client", ff.Sphere(0.1), PLACE)
+    free = beside()
+    problem = ff.load_scenario("planar_2dof/line").problem().replace(scene=ff.Scene([fixed]))
+    attitude, branch = free.chosen.motion.initial.attitude, free.chosen.branch.index
+    motion = ff.simulate(problem, attitude, branch=branch).chosen.motion
+    (clearance,) = (r for r in ff.check_limits(motion, LIMITS) if r.where == "link_1 - client")
+    meeting = clearance.time + (0.0 if in_the_way else 30.0)
+    rate = 2.0 * np.pi / 60.0
+    body = ff.SceneBody(
+        "client", ff.Sphere(0.1), PLACE,
+        motion=ff.Tumbling([1.0, 1.0, 1.0], [0.0, rate, 0.0], com=[0.0, 0.0, 1.0]),
+    )  # fmt: skip
+    start = body.pose_at(-meeting, problem.path)
+    body = replace(body, position=start.position, orientation=start.rotation)
+    plan = beside(body)
+    assert plan.feasible
+    assert (plan.chosen.branch.label == "elbow+") is in_the_way
+    assert ff.check(plan).passed

@@ -11,7 +11,7 @@ import freefloat as ff
 from freefloat.attitude_grids import attitude_grid
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.planning.plane.search import searched_ranges
-from freefloat.so3 import angle_between, heading_quaternion
+from freefloat.so3 import heading_quaternion
 from tests.errors import error_key
 from tests.motions import bundled
 
@@ -21,22 +21,6 @@ JOINTS = [0.4, -1.0, 1.2, -2.9, 1.0, 3.0]
 
 def near(angle: float, **options: object) -> ff.Search:
     return ff.Search(from_attitude=PRESENT, within=np.radians(angle), **options)
-
-
-def test_attitudes_of_a_ball_represent_equal_parts_of_it() -> None:
-    domain = near(60.0).domain
-    every = attitude_grid(20_000)
-    assert domain.contains(every).mean() == pytest.approx(domain.fraction, rel=0.02)
-    attitudes = domain.attitudes(4_000, 3)
-    assert domain.contains(attitudes).all()
-    angles = angle_between(attitudes, PRESENT)
-    half = near(30.0).domain.fraction / domain.fraction
-    assert (angles < np.radians(30.0)).mean() == pytest.approx(half, abs=0.005)
-    spacing = domain.spacing(4_000)
-    assert 4_000 * spacing**3 == pytest.approx(8.0 * np.pi**2 * domain.fraction)
-    assert ff.Search(within=np.pi, from_attitude=PRESENT).domain.spacing(9) == pytest.approx(
-        ff.Search().domain.spacing(9)
-    )
 
 
 @pytest.mark.slow

@@ -38,14 +38,12 @@ def attitudes() -> Plan:
 
 @pytest.fixture
 def fewer(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Fewer candidates."""
     monkeypatch.setattr(limit_keeping, "_HEADINGS", 72)
     monkeypatch.setattr(limit_keeping, "_MOST", 8)
     monkeypatch.setattr(limit_keeping, "_NEAREST", 2)
 
 
 def checked_plan(problem: ff.Problem, limits: ff.Limits, search: ff.Search) -> Plan:
-    """A plan whose chosen motion keeps the margin and the limits."""
     result = ff.plan(problem, search, limits=limits)
     assert_keeps(result, limits)
     return result
@@ -58,16 +56,6 @@ def assert_keeps(result: Plan, limits: ff.Limits) -> None:
     again = ff.check_limits(result.chosen.motion, limits)
     assert all(entry.kept for entry in again)
     assert [entry.limit for entry in again] == [entry.limit for entry in result.limit_results]
-
-
-@pytest.mark.slow
-def test_where_the_best_attitude_violates_a_limit_another_is_chosen(attitudes: Plan) -> None:
-    assert attitudes.chosen is not None
-    fastest = ff.check_limits(attitudes.chosen.motion, ff.Limits(joint_rate=np.ones(6)))[0]
-    limits = ff.Limits(joint_rate=np.full(6, 0.9 * abs(fastest.worst)))
-    result = keep_limits(evaluator_for(attitudes.problem), attitudes, limits)
-    assert_keeps(result, limits)
-    assert result.excluded["joint_rate"] > 0
 
 
 @pytest.mark.slow
@@ -150,18 +138,3 @@ def test_the_nearest_attitude_is_moved_toward_the_present_one() -> None:
     assert np.degrees(result.deviation) == pytest.approx(19.6, abs=1.5)
     apart = checked_plan(PLANAR.problem(), limits, replace(search, spare=np.radians(2.0)))
     assert np.degrees(apart.deviation - result.deviation) == pytest.approx(2.0, abs=0.1)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("limits", [{"joint_rate": 0.139}, {"base_rate": 0.0492}])
-def test_no_heading_that_keeps_the_limits_has_a_larger_margin(limits: dict[str, float]) -> None:
-    """Beside headings of larger margins that violate them, all half a degree apart."""
-    problem, bounds = bundled("planar_2dof/line"), ff.Limits(**limits, clearance="off")
-    plan = checked_plan(problem, bounds, ff.Search())
-    chosen = plan.chosen
-    assert chosen is not None
-    assert plan.heading is not None
-    for degrees in range(-10, 11):
-        heading = plan.heading + np.radians(0.5 * degrees)
-        other = ff.simulate(problem, heading=heading, branch=chosen.branch.index, limits=bounds)
-        assert not other.feasible or other.chosen.minimum_margin < chosen.minimum_margin + 1e-9

@@ -60,28 +60,6 @@ def test_plans_are_those_of_the_arm_about_z(direction: str, arm: str, tmp_path: 
     assert ff.check(ff.load(tmp_path / "plan.h5")).passed
 
 
-@pytest.mark.slow
-def test_ensembles_are_those_of_the_arm_about_z() -> None:
-    """With wheels, momenta and masses that differ."""
-    margins = []
-    for turn in (np.eye(3), turn_to("oblique")):
-        problem = planar_problem(1, "+-+", turn, "planar-pose", "system")
-        problem = problem.replace(wheel_momentum=turn @ [0.0, 0.0, 0.1])
-        scales = {"link_1": np.linspace(0.9, 1.1, 8)}
-        momenta = np.outer(np.linspace(-0.2, 0.2, 8), turn[:, 2])
-        branch = {"headings": np.full(8, 5.5), "branch": 0}
-        for options in ({"momenta": momenta}, {"scale_mass": scales}):
-            margins.append(ff.simulate_many(problem, **branch, **options).minimum_margins)
-        motion = next(
-            entry.motion for entry in ff.simulate(problem, heading=5.5).branches
-            if entry.branch.index == 0
-        )  # fmt: skip
-        nominal = ff.simulate_many(problem, headings=5.5, branch=0).minimum_margins[0]
-        value = ff.closest_approach(motion, problem.margin.measure).value
-        assert nominal == pytest.approx(abs(value), rel=1e-6)
-    np.testing.assert_allclose(margins[2:], margins[:2], rtol=1e-6)
-
-
 @pytest.mark.parametrize("direction", ["x", "oblique"])
 def test_regions_are_those_of_the_arm_about_z(direction: str) -> None:
     regions = [
@@ -97,7 +75,6 @@ def test_regions_are_those_of_the_arm_about_z(direction: str) -> None:
 
 
 def test_what_leaves_the_plane_is_refused() -> None:
-    """Paths, momenta, drifts and attitudes."""
     turn = turn_to("oblique")
     problem = planar_problem(1, "+-+", turn, "planar-pose", "system")
     outside = 0.01 * turn[:, 0]
@@ -154,19 +131,6 @@ def test_ranges_within_pointing_limits_are_those_of_the_arm_about_z() -> None:
         causes = [part.causes for entry in plan.ranges for part in entry.ranges]
         assert causes == [("pointing", "pointing")]
     np.testing.assert_allclose(found[1], found[0], atol=1e-6)
-
-
-@pytest.mark.slow
-def test_a_present_attitude_in_an_oblique_plane_that_keeps_limits_is_returned() -> None:
-    """Its motion begins there to rounding, which points out of the plane."""
-    problem = planar_problem(2, "++", turn_to("oblique"), "planar-position", "gjm")
-    present = problem.plane.attitudes(0.5)
-    simulation = ff.simulate(problem, present, limits=ff.Limits(joint_rate=[9.0, 9.0]))
-    rate = 1.001 * abs(simulation.limit_results[0].worst)
-    limits = ff.Limits(joint_rate=[rate, rate])
-    plan = ff.plan(problem, ff.Search("nearest", present), limits)
-    assert plan.feasible
-    assert plan.deviation < 1e-9
 
 
 @pytest.mark.slow

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 import freefloat as ff
-from freefloat.motion.margin import keeps_threshold
 from freefloat.planning import headings
 from freefloat.planning.motions import evaluator_for
 from freefloat.planning.plane.search import searched_ranges
@@ -28,13 +27,6 @@ def computed_once():
 @pytest.fixture(scope="module")
 def problem():
     return bundled("planar_3dof/parabola_nonstop")
-
-
-@pytest.fixture(scope="module")
-def sigma(problem):
-    """With sigma as the measure ranges have no closed form."""
-    measure = ff.singularity_measure(problem.model, problem.task, "sigma")
-    return replace(problem, margin=ff.Margin(measure, 0.05))
 
 
 @pytest.fixture(scope="module")
@@ -90,13 +82,11 @@ def test_the_nearest_heading_keeps_its_distance_from_the_limits(problem, present
 
 
 def heading_between(present, heading):
-    """Headings from the present one to just before another."""
     difference = (heading - present + np.pi) % (2.0 * np.pi) - np.pi
     return [float(h % (2.0 * np.pi)) for h in present + difference * np.linspace(0.0, 0.99, 50)]
 
 
 def on_line(problem, start, end, value):
-    """The same arm on a line with another margin."""
     curve = ff.paths.PolynomialCurve.line(start, end)
     path = ff.EndEffectorPath(curve, ff.paths.FixedOrientation(np.eye(3)))
     margin = ff.Margin(problem.margin.measure, value)
@@ -123,23 +113,6 @@ def test_searched_ranges_agree_with_the_exact_ones(problem, robust):
     for searched, exact in zip(searched_ranges(evaluator_for(problem), 24), robust.ranges,
                                strict=True):  # fmt: skip
         assert np.array(searched.limits) == pytest.approx(np.array(exact.limits), abs=1e-6)
-
-
-@pytest.mark.slow
-def test_precise_motions_confirm_searched_limits(sigma):
-    """A millionth of a radian to either side of each limit."""
-    ranges = [(entry.branch, part) for entry in searched_ranges(evaluator_for(sigma), 24)
-              for part in entry.ranges]  # fmt: skip
-    assert ranges
-    for branch, part in ranges:
-        for limit, inward in ((part.low, 1e-6), (part.high, -1e-6)):
-            inside, outside = (
-                ff.simulate(sigma, heading_quaternion(limit + step), branch=branch).chosen
-                for step in (inward, -inward)
-            )
-            assert keeps_threshold(inside.closest_approach.value, 0.05)
-            margin = outside.closest_approach.value
-            assert not (outside.motion.completed and keeps_threshold(margin, 0.05))
 
 
 def test_the_map_agrees_with_the_ranges(problem, robust):

@@ -1,4 +1,4 @@
-"""The fastest timing, against toppra and a published case, within all limits."""
+"""The fastest timing, against toppra, closed forms and a published case, within all limits."""
 
 from __future__ import annotations
 
@@ -6,10 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.interpolate import CubicHermiteSpline
 
 import freefloat as ff
 from freefloat.planning.timing import retiming
-from freefloat.planning.timing.speed_profile import fastest_speeds
+from freefloat.planning.timing.speed_profile import fastest_speeds, with_speeds
 from freefloat.robot.bundled import models_folder
 from freefloat.so3 import heading_quaternion
 from freefloat.verification import range_checks
@@ -18,6 +19,7 @@ from tests.commands import document, run
 from tests.errors import error_key
 from tests.fastest_timing import toppra_duration
 from tests.motions import bundled, first_motion
+from tests.prismatic import RELATIVE, prismatic_motion, prismatic_robot
 
 PEAKS = ff.Limits(
     joint_rate=np.array([0.1290148, 0.0343564]),
@@ -40,7 +42,6 @@ def straight(start, step, duration: float = 20.0):
 
 
 def as_plan(problem, attitude, joints, limits: ff.Limits):
-    """The plan whose motion begins at an attitude."""
     heading = ff.Search("nearest", attitude, within=1e-3, spare=0.0)
     plan = ff.plan(problem, replace(heading, joints=joints), limits)
     assert plan.feasible, plan.reason
@@ -93,20 +94,6 @@ def test_with_momentum_and_drift_timing_and_motion_agree() -> None:
     assert again == pytest.approx(result.duration, rel=1e-3)
     assert all(entry.kept for entry in ff.check_limits(result.plan.chosen.motion, LIMITS))
     assert result.plan.heading == plan.heading
-
-
-@pytest.mark.slow
-def test_where_the_rate_that_is_limited_passes_zero_the_speed_has_no_peak() -> None:
-    """The spacecraft of this motion stops and rotates back on the way."""
-    problem = bundled("planar_2dof/arc").replace(momentum=np.zeros(3))
-    plan = ff.plan(problem, limits=ff.Limits(base_rate=10.0, clearance="off"))
-    states = plan.chosen.motion.sample(np.linspace(0.0, problem.path.duration, 101))
-    steps = np.diff(np.unwrap([2.0 * np.arctan2(*entry.attitude[2:]) for entry in states]))
-    assert steps.min() < 0.0 < steps.max()
-    result = ff.retime(plan)
-    assert result.plan.feasible
-    (rate,) = ff.check_limits(result.plan.chosen.motion, plan.limits)
-    assert rate.ratio == pytest.approx(1.0, abs=1e-4)
 
 
 CONE = ff.PointingLimit("spacecraft", [1.0, 0.0, 0.0], np.radians(176), "outside", [1.0, 0.0, 0.0])
@@ -209,3 +196,92 @@ def test_errors() -> None:
     assert error_key(lambda: ff.retime(ff.plan(stops, limits=limits))) == "timing.stops"
     speeds = [(0, 0), (1, 1), (2, 0.5)]
     assert error_key(lambda: ff.Timing(2.0, "optimal", speeds=speeds)) == "timing.speeds"
+
+
+@pytest.mark.parametrize(
+    ("speed", "acceleration", "jerk", "duration"),
+    [
+        (9.0, 9.0, 0.1, (32.0 * RELATIVE / 0.1) ** (1 / 3)),
+        (9.0, 0.05, None, (4.0 * RELATIVE / 0.05) ** 0.5),
+        (0.1, 0.05, None, RELATIVE / 0.1 + 0.1 / 0.05),
+        (0.1, 0.05, 0.1, RELATIVE / 0.1 + 0.1 / 0.05 + 0.05 / 0.1),
+        (0.1, 0.05, 1.0, RELATIVE / 0.1 + 0.1 / 0.05 + 0.05 / 1.0),
+    ],
+)
+def test_one_joint_is_as_fast_as_the_closed_form(speed, acceleration, jerk, duration) -> None:
+    motion, every = prismatic_motion(prismatic_robot()), np.ones(3)
+    limits = ff.Limits(
+        joint_rate=speed * every, joint_acceleration=acceleration * every,
+        joint_jerk=None if jerk is None else jerk * every,
+    )  # fmt: skip
+    assert fastest_speeds(motion, limits)[-1][0] == pytest.approx(duration, rel=3e-3)
+
+
+CASES = [("planar_2dof/line", 0), ("ets_vii/line", 2)]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "seed"), CASES)
+def test_accelerations_and_jerks_are_kept_and_toppra_is_hardly_faster(name, seed) -> None:
+    problem, rng = bundled(name).replace(momentum=np.zeros(3)), np.random.default_rng(seed)
+    motion, dof = first_motion(problem), problem.model.dof
+    limits = ff.Limits(
+        joint_rate=rng.uniform(0.1, 0.3, dof), joint_acceleration=rng.uniform(0.02, 0.1, dof),
+        clearance="off",
+    )  # fmt: skip
+    shortest = toppra_duration(motion, limits)
+    assert fastest_speeds(motion, limits)[-1][0] == pytest.approx(shortest, rel=1e-3)
+    smooth = replace(limits, joint_jerk=rng.uniform(2.0, 4.0, dof))
+    retimed = retimed_motion(motion, smooth)
+    assert 0.999 * shortest < retimed.problem.path.duration < 1.02 * shortest
+    assert_kept(retimed, smooth)
+    slower = replace(limits, joint_jerk=rng.uniform(0.02, 0.1, dof))
+    assert_kept(retimed_motion(motion, slower), slower)
+
+
+def retimed_motion(motion, limits: ff.Limits):
+    """The motion with its fastest timing, slowed down by what it violates, at most 0.6 percent."""
+    problem = with_speeds(motion.problem, fastest_speeds(motion, limits))
+    start = motion.initial.attitude, motion.initial.joints
+    results = ff.check_limits(ff.integrate_motion(problem, *start), limits)
+    stretch = max(entry.stretch for entry in results)
+    assert 0.995 < stretch < 1.006
+    return ff.integrate_motion(problem.stretched(stretch), *start)
+
+
+def assert_kept(motion, limits: ff.Limits) -> None:
+    """Differences of the rates at 20,000 instants are means of accelerations and of jerks."""
+    problem = motion.problem
+    times = np.linspace(0.0, problem.path.duration, 20_000)
+    _, attitudes, joints = motion.evaluate(motion.coordinates_at(times))
+    rates = problem.resolved_rate_solver().rates(attitudes, joints, *problem.prescribed(times))[1]
+    step = times[1]
+    assert (np.abs(rates) <= limits.joint_rate * (1.0 + 1e-6)).all()
+    accelerations = np.abs(np.diff(rates, axis=0)) / step
+    assert (accelerations <= limits.joint_acceleration * (1.0 + 1e-5)).all()
+    jerks = np.abs(np.diff(rates, 2, axis=0)) / step**2
+    assert (jerks <= limits.joint_jerk * (1.0 + 1e-4)).all()
+
+
+@pytest.mark.slow
+def test_with_momentum_jerks_are_kept_at_the_fastest_timing_that_agrees() -> None:
+    problem = bundled("planar_2dof/line").replace(momentum=[0.0, 0.0, 0.03])
+    limits = ff.Limits(joint_rate=np.full(2, 0.3), joint_jerk=np.full(2, 0.05), clearance="off")
+    result = ff.retime(ff.plan(problem, limits=limits))
+    assert result.agrees
+    assert max(entry.ratio for entry in result.plan.limit_results) == pytest.approx(1.0, abs=5e-3)
+
+
+def test_rows_of_speeds_with_accelerations_are_cubic_hermite_splines() -> None:
+    times, speeds, accelerations = np.array([0.0, 1.0, 3.0]), [0.0, 1.5, 0.0], [0.0, -0.75, 0.0]
+    spline = CubicHermiteSpline(times, speeds, accelerations)
+    length = float(spline.integrate(0.0, 3.0))
+    rows = np.column_stack([times, np.divide(speeds, length), np.divide(accelerations, length)])
+    timing = ff.Timing(3.0, "optimal", speeds=tuple(map(tuple, rows)))
+    t = np.linspace(0.0, 3.0, 31)
+    np.testing.assert_allclose(timing.s(t, 1), spline(t) / length, atol=1e-12)
+    np.testing.assert_allclose(timing.s(t), spline.antiderivative()(t) / length, atol=1e-12)
+    twice = timing.stretched(2.0)
+    np.testing.assert_allclose(twice.s(2.0 * t, 2), timing.s(t, 2) / 4.0, atol=1e-12)
+    ragged = [(0.0, 0.0), (1.0, 1.0, 0.0), (2.0, 0.0)]
+    assert error_key(lambda: ff.Timing(2.0, "optimal", speeds=ragged)) == "timing.speeds"

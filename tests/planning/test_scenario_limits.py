@@ -10,7 +10,6 @@ import pytest
 import yaml
 
 import freefloat as ff
-from tests.commands import document
 from tests.errors import error_key
 
 LINE = "planar_2dof/line"
@@ -30,16 +29,6 @@ def scenario(**sections: Any) -> Any:
 
 def names(results: Any) -> set[str]:
     return {result.limit for result in results}
-
-
-@pytest.mark.slow
-def test_a_scenario_simulates_and_maps_as_the_commands_do() -> None:
-    loaded = scenario(search={"joints": [0.3, 1.2]})
-    Path("near.yaml").write_text(yaml.safe_dump(yaml.safe_load(loaded.text)))
-    motion = loaded.simulate(heading=0.0)
-    assert motion.to_dict() == document("simulate", "near.yaml", "--heading", 0)
-    assert loaded.map(24).margins == pytest.approx(ff.attitude_map(
-        loaded.problem(), 24, search=loaded.search()).margins)  # fmt: skip
 
 
 @pytest.fixture(autouse=True)
@@ -84,17 +73,6 @@ def test_plans_and_maps_use_the_limits_of_a_problem(line: ff.Problem) -> None:
     seen = ff.PointingLimit("spacecraft", [1, 0, 0], 0.01, direction=[0, 1, 0])
     away = line.replace(limits=ff.Limits(pointing=(seen,)))
     assert ff.attitude_map(away, 24).feasible_fraction < ff.attitude_map(line, 24).feasible_fraction
-
-
-@pytest.mark.slow
-def test_copies_and_files_keep_the_limits_of_a_problem(line: ff.Problem) -> None:
-    for copy in (line.replace(momentum=[0.0, 0.0, 0.1]), line.stretched(2.0),
-                 ff.Search(joints=[0.3, 1.2]).applied_to(line)):  # fmt: skip
-        assert copy.limits is line.limits
-    ff.save(ff.simulate(line, ATTITUDE), "motion.h5")
-    loaded = ff.load("motion.h5")
-    assert repr(loaded.problem.limits) == repr(loaded.limits) == repr(line.limits)
-    assert ff.check(loaded).passed
 
 
 @pytest.mark.slow

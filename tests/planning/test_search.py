@@ -9,8 +9,6 @@ import pytest
 
 import freefloat as ff
 from freefloat.attitude_grids import attitude_grid
-from freefloat.planning.candidates import SearchEffort
-from freefloat.planning.searches.adversary import confirmed_radius
 from freefloat.planning.space import climbing as attitude_search
 from freefloat.planning.space.attitude_map import AttitudeMap
 from freefloat.planning.space.choices import nearest_with_spare
@@ -122,20 +120,3 @@ def test_the_robust_radius_in_a_ball_is_the_way_to_its_rim(
     attitude = rotated(HERE, [0.0, off, 0.0])[0]
     radius = robust_radius(landscape, attitude, 0, spacing)
     assert 0.94 * (0.7 - off) < radius <= 0.7 - off
-
-
-@pytest.mark.parametrize("seed", [4, 6])
-def test_a_thin_sheet_of_violations_is_followed_to_where_it_is_closest(seed: int) -> None:
-    """It is a plane at distance 1 from the centre; samples meet it far from there."""
-    normal = np.random.default_rng(seed).normal(size=3)
-    normal /= np.linalg.norm(normal)
-
-    def regularity(vectors: np.ndarray) -> np.ndarray:
-        values = 0.5 + np.abs(vectors @ normal - 1.0) / 1e-3
-        return np.column_stack([np.minimum(values, 3.0), np.full(len(vectors), 3.0)])
-
-    assert (
-        0.97
-        < confirmed_radius(regularity, 1.6, SearchEffort(samples=512, descents=12), 1e-5)
-        < 1.01
-    )

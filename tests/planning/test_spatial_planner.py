@@ -116,16 +116,6 @@ def test_the_deepest_attitude_is_chosen(robust: Plan, largest: Plan, nearest: Pl
 
 
 @pytest.mark.slow
-def test_reason_of_a_margin_kept_nowhere() -> None:
-    """It has the largest margin, found between the samples, and where."""
-    plan = planned(with_margin(60.0), ff.Search("robust", frozen(BAD), 16))
-    assert not plan.feasible
-    assert plan.chosen is plan.robust_radius is plan.tolerance is plan.deviation is None
-    assert "53.61" in plan.reason
-    assert plan.disagreements == ()
-
-
-@pytest.mark.slow
 def test_unconfirmed_candidates_are_reported_and_the_next_is_taken(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

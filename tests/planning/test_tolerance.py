@@ -14,7 +14,8 @@ from freefloat.dynamics.generalized_jacobian import generalized_determinant
 from freefloat.ensemble.ensemble import EnsembleIntegrator
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.ensemble.systems import Systems
-from freefloat.planning.candidates import Tolerance
+from freefloat.planning.candidates import SearchEffort, Tolerance
+from freefloat.planning.space import deepest_ball, deviations
 from freefloat.planning.space.deviations import tolerance
 from tests.motions import bundled
 
@@ -27,7 +28,6 @@ def with_margin(name: str, value: float | None = None) -> ff.Problem:
 
 
 def best_attitude(problem: ff.Problem) -> np.ndarray:
-    """The attitude with the largest margin of 64."""
     attitudes = attitude_grid(64)
     return attitudes[int(np.argmax(FeasibilityEvaluator(problem, 1).margins(attitudes, None)))]
 
@@ -88,7 +88,6 @@ def drifting() -> Case:
 
 @pytest.fixture(scope="module")
 def still() -> Case:
-    """Example 2 without momentum."""
     problem = replace(with_margin("spatial_6dof/line", 30.0), momentum=np.zeros(3))
     return Case(problem, best_attitude(problem))
 
@@ -139,7 +138,6 @@ def test_durations_inside_keep_the_margin_and_those_outside_do_not(drifting: Cas
 
 
 def test_scaling_duration_and_momentum_is_equivalent(drifting: Case) -> None:
-    """A duration or a momentum scaled by the same factor: equal minimum margins."""
     h = drifting.problem.momentum
     slow = drifting.precisely(duration=150.0)
     much = drifting.precisely(momentum=1.5 * h)
@@ -147,11 +145,16 @@ def test_scaling_duration_and_momentum_is_equivalent(drifting: Case) -> None:
 
 
 @pytest.mark.slow
-def test_the_attitude_tolerance_of_a_redundant_arm_is_that_of_its_chosen_motion() -> None:
+@pytest.mark.usefixtures("smaller")
+def test_the_attitude_tolerance_of_a_redundant_arm_is_that_of_its_chosen_motion(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    for search in (deviations, deepest_ball):
+        monkeypatch.setattr(search, "EFFORT", SearchEffort(256, 6))
     problem = bundled("panda_servicer/line")
     plan = ff.plan(problem, ff.Search("robust", samples=8))
     start = plan.chosen.motion.initial
-    axes = attitude_grid(512)[:, :3]
+    axes = attitude_grid(128)[:, :3]
     for fraction, all_keep in ((0.98, True), (1.3, False)):
         turns = plan.robust_radius * fraction * axes / np.linalg.norm(axes, axis=1)[:, None]
         around = Rotation.from_quat(start.attitude) * Rotation.from_rotvec(turns)
@@ -160,7 +163,6 @@ def test_the_attitude_tolerance_of_a_redundant_arm_is_that_of_its_chosen_motion(
 
 
 def test_a_plan_may_leave_tolerances_out() -> None:
-    """Its choice is the same, and its check passes."""
     problem, search = bundled("spatial_6dof/line"), ff.Search("nearest", [0, 0, 0, 1], samples=128)
     whole, quick = (ff.plan(problem, search, tolerances=wanted) for wanted in (True, False))
     assert (quick.tolerance, quick.radius_effort) == (None, None)

@@ -7,8 +7,7 @@ import pytest
 
 import freefloat as ff
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
-from freefloat.regions.elbow_arm import elbow_arm, wrist_in_tool
-from freefloat.regions.planar_regions import point_3, two_angles
+from freefloat.regions.planar_regions import elbow_arm, point_3, two_angles, wrist_in_tool
 from freefloat.regions.workspace import _general_workspace, exact_workspace
 from tests.motions import X, Z, chain
 from tests.regions.test_workspace import problem_of

@@ -14,10 +14,16 @@ import pytest
 
 import freefloat as ff
 from freefloat.errors import ModelError
-from freefloat.robot import robot_packages
+from freefloat.robot import bundled
 from freefloat.robot.assembly import assemble
-from freefloat.robot.bundled import bundled_scenarios, find_robot, find_scenario, models_folder
-from freefloat.robot.robot_packages import EXAMPLE, examples_folder
+from freefloat.robot.bundled import (
+    EXAMPLE,
+    bundled_scenarios,
+    examples_folder,
+    find_robot,
+    find_scenario,
+    models_folder,
+)
 from freefloat.robot.validation import read_urdf
 from freefloat.so3 import UPRIGHT
 from tests.errors import error_key
@@ -108,7 +114,7 @@ def _not_installed(name: str) -> None:
 def test_without_the_package_the_message_says_how_to_get_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(robot_packages, "distribution", _not_installed)
+    monkeypatch.setattr(bundled, "distribution", _not_installed)
     monkeypatch.setattr(sysconfig, "get_path", lambda name: str(tmp_path))
     assert error_key(find_robot, f"{EXAMPLE}ur5", Path("/")) == "urdf"
 

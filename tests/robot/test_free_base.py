@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import freefloat as ff
-from freefloat.io.formats.urdf_file import write_urdf
+from freefloat.io.urdf_file import write_urdf
 from freefloat.robot.validation import examine, read_urdf
 from tests.errors import error_key
 from tests.robots import Robot, inertial_text, joint_text, link_text, random_robot

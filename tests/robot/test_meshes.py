@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 import trimesh
 
-from freefloat.robot.mesh_files import MeshFileError, find_mesh
+from freefloat.robot.bundled import examples_folder
 from freefloat.robot.meshes import Part, read_mesh
-from freefloat.robot.robot_packages import examples_folder
+from freefloat.robot.robot_files import MeshFileError, find_mesh
 
 EXAMPLES = [
     examples_folder() / file

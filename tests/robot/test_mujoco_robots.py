@@ -14,7 +14,7 @@ import pytest
 import freefloat as ff
 from freefloat.beyond.formats.mjcf_file import mjcf_text
 from freefloat.dynamics.momentum import mass_matrix
-from freefloat.io.formats.trajectory import Trajectory
+from freefloat.io.trajectory import Trajectory
 from freefloat.robot.parts import Attachment
 from tests.commands import document, error, run
 from tests.errors import error_key

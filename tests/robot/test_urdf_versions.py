@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 import freefloat as ff
 from freefloat.beyond.formats.mjcf_file import robot_mjcf
 from freefloat.errors import ModelError
-from freefloat.io.formats.urdf_file import write_urdf
+from freefloat.io.urdf_file import write_urdf
 from freefloat.robot.parts import Attachment
 from freefloat.robot.shapes import Capsule
 from freefloat.robot.validation import examine, read_urdf

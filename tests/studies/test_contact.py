@@ -11,7 +11,6 @@ import yaml
 import freefloat as ff
 from freefloat.robot.bundled import find_scenario
 from freefloat.studies.estimate import why_run_by_run
-from freefloat.studies.groups import grouped
 from freefloat.studies.study import Study
 from tests.commands import document, run
 from tests.example_studies import a_study
@@ -76,21 +75,6 @@ def test_what_is_stated_anywhere_is_not_repeated(
     assert (loaded.contact_unchecked is not None) is unchecked
     stated = [loaded.scenario(number).limits().clearance for number in range(loaded.count)]
     assert None not in stated
-
-
-@pytest.mark.slow
-def test_other_commands_consider_contact_and_robots_without_shapes_say_nothing(
-    tmp_path: Path,
-) -> None:
-    planned = a_study(tmp_path, {"momentum.2": {"list": [0.0, 0.001]}}, base=base(), command="plan",
-                      heading_deg=None, files="all")  # fmt: skip
-    assert planned.contact_unchecked is None
-    ff.run_study(planned, tmp_path / "out", report=False)
-    for file in (tmp_path / "out" / "cases").glob("*.h5"):
-        saved = ff.load(file)
-        assert saved.limits.clearance is None
-        assert "clearance" in {entry.limit for entry in saved.limit_results}
-        assert ff.check(saved).passed
-    shapeless = a_study(tmp_path, DRAWN, cases=20)
-    assert shapeless.contact_unchecked is None
-    assert grouped(shapeless, 0)[0] is not None
+    assert a_study(tmp_path, DRAWN, cases=20).contact_unchecked is None  # without shapes
+    keys = {"base": base(), "command": "plan", "heading_deg": None}
+    assert a_study(tmp_path, {"momentum.2": {"list": [0.0]}}, **keys).contact_unchecked is None

@@ -1,7 +1,8 @@
-"""Runs that ensembles decide: their rows are those of runs that are executed one by one."""
+"""Runs that ensembles decide: their rows and starts are those of runs executed one by one."""
 
 from __future__ import annotations
 
+import pickle
 from pathlib import Path
 from typing import Any
 
@@ -13,10 +14,11 @@ from freefloat.studies.disturbances import group_numbers
 from freefloat.studies.ensembles import chunks, computed
 from freefloat.studies.estimate import why_run_by_run
 from freefloat.studies.groups import grouped
-from freefloat.studies.portable import PortableStudy
 from freefloat.studies.run import execute
 from freefloat.studies.runner import run_study
 from freefloat.studies.study import Study
+from freefloat.studies.workers import PortableStudy
+from tests.commands import document
 from tests.errors import error_key
 from tests.example_studies import BASE, SHORT, a_study, finished
 
@@ -178,29 +180,6 @@ def test_few_and_other_runs_are_executed_alone_and_say_why(tmp_path: Path) -> No
     assert why_run_by_run(a_study(tmp_path, momentum, cases=30, files="none")) is None
 
 
-@pytest.mark.slow
-def test_mounts_and_spacecraft_vary(tmp_path: Path) -> None:
-    spacecraft = {"mass": 200, "inertia": [35, 35, 35], "mount": {"xyz": [0, 0, 0.5]}}
-    robot = {"urdf": "example-robot-data:ur5", "end_effector": "tool0", "spacecraft": spacecraft}
-    line = {"line": {"from": [0.6, 0, 0.75], "to": [0.5, 0.2, 0.75]},
-            "attitude": {"fixed": {"rpy": [0, 1.5707963268, 0]}}}  # fmt: skip
-    base = {"robot": robot, "task": "pose", "path": line, "timing": {"duration": 20},
-            "margin": {"measure": "gjm", "value": 0.03}}  # fmt: skip
-    vary = {
-        "robot.spacecraft.mass": {"uniform": [150, 250]},
-        "robot.spacecraft.com": {"uniform": [[-0.1, -0.1, -0.1], [0.1, 0.1, 0.1]]},
-        "robot.spacecraft.mount.xyz.2": {"uniform": [0.45, 0.55]},
-        "robot.spacecraft.mount.rpy": {"uniform": [[-0.1, -0.1, -0.1], [0.1, 0.1, 0.1]]},
-        "robot.scale_mass": {"list": [{"forearm_link": 1.3}, {"spacecraft": 0.9}]},
-    }
-    study = a_study(tmp_path, vary, base=base, cases=16, heading_deg=None,
-                    attitude=[0, 0, 0, 1], files="none")  # fmt: skip
-    rows = rows_of(study, tmp_path / "out")
-    assert all(str(row["decided_by"]).startswith("ensemble") for row in rows)
-    for number in (0, 9, 20, 31):
-        assert_same(rows[number], alone(study, number))
-
-
 @pytest.mark.parametrize(
     ("vary", "kept"),
     [
@@ -261,3 +240,73 @@ def test_a_study_ends_when_its_interval_is_narrow(tmp_path: Path) -> None:
     assert result.done < 20_000
     listed = a_study(tmp_path, {"momentum.2": {"list": [0, 1]}})
     assert error_key(run_study, listed, tmp_path / "listed", until=0.02) == "until"
+
+
+JOINTS = [0.5, -1.0, 0.5]
+HEADINGS: dict[str, Any] = {"heading_deg": {"uniform": [130.0, 230.0]}}
+MOMENTA: dict[str, Any] = {"momentum.2": {"uniform": [-1.0, 1.5]}}
+NAMED = dict(zip(("q1", "q2", "q3"), JOINTS, strict=True))
+
+
+@pytest.mark.parametrize(("vary", "joints"), [(HEADINGS, JOINTS), (HEADINGS | ROBOTS, NAMED)])
+def test_joints_choose_the_nearest_arm_branch_on_all_roads(
+    vary: dict[str, Any], joints: Any, tmp_path: Path
+) -> None:
+    """In an ensemble, one by one, with ``--run``, and where a worker runs it."""
+    study = a_study(tmp_path, vary, cases=24, files="none", start={"joints": joints})
+    rows = list(run_study(study, tmp_path / "out", workers=1, report=False).rows)
+    unvaried, chosen = ff.load_scenario(BASE | {"robot": ROBOT}).problem(), set()
+    sent = pickle.loads(pickle.dumps(PortableStudy(study)))
+    for row in rows[::6]:
+        number, heading = row["number"], np.radians(row["heading_deg"])
+        branches = unvaried.branches(unvaried.attitude(heading=heading))
+        apart = [unvaried.model.joint_distance(branch.joints, JOINTS) for branch in branches]
+        assert row["branch"] == branches[int(np.argmin(apart))].index
+        assert execute(PortableStudy(study), number).values["branch"] == row["branch"]
+        assert execute(sent, number).values["branch"] == row["branch"]
+        chosen.add(row["branch"])
+    assert len(chosen) == 2
+    written = document("batch", tmp_path / "study.yaml", "--run", "6", "-o", tmp_path / "run.h5")
+    assert written["branch"] == rows[6]["branch"]
+    assert ff.load(tmp_path / "run.h5").chosen.branch.index == rows[6]["branch"]
+
+
+ROBOT = {"urdf": "planar_3dof", "end_effector": "end_effector"}
+
+
+def test_a_redundant_arm_starts_at_the_configuration_near_the_joints(tmp_path: Path) -> None:
+    study = a_study(tmp_path, MOMENTA, base=REDUNDANT, cases=16, files="none",
+                    start={"joints": JOINTS})  # fmt: skip
+    rows = list(run_study(study, tmp_path / "out", workers=1, report=False).rows)
+    problem = ff.load_scenario(REDUNDANT | {"robot": ROBOT}).problem()
+    near = problem.replace(start_joints=JOINTS).closest_start(
+        problem.attitude(heading=np.radians(200))
+    )
+    for row in (rows[3], execute(PortableStudy(study), 3).values):
+        assert [row[f"joints.{k}"] for k in range(3)] == pytest.approx(near.tolist(), abs=1e-9)
+    assert {row["branch"] for row in rows} == {execute(PortableStudy(study), 3).values["branch"]}
+
+
+def test_the_arm_branch_of_the_unvaried_motion_is_found_once_and_kept(tmp_path: Path) -> None:
+    """Workers receive it; a study that is continued has it; the undisturbed simulation, too."""
+    study = a_study(tmp_path, MOMENTA, cases=20, files="worst 1", heading_deg=120.0)
+    chosen = ff.load_scenario(tmp_path / "base.yaml").simulate(heading=np.radians(120.0)).chosen
+    sent = pickle.loads(pickle.dumps(PortableStudy(study)))
+    assert sent.study.content.start.joints == chosen.branch.joints.tolist()
+    every = list(run_study(study, tmp_path / "every", workers=1, report=False).rows)
+    assert {row["branch"] for row in every} == {chosen.branch.index}
+    saved = ff.load(tmp_path / "every" / "cases" / "undisturbed.h5")
+    assert saved.chosen.minimum_margin == pytest.approx(chosen.minimum_margin)
+    finished(study, tmp_path / "part", *[
+        {"number": row["number"], "verdict": "feasible"} for row in every[:10]
+    ])  # fmt: skip
+    rest = list(run_study(study, tmp_path / "part", workers=1, report=False).rows)[10:]
+    assert [row["margin"] for row in rest] == [row["margin"] for row in every[10:]]
+
+
+def test_an_unvaried_scenario_without_a_motion_is_said_before_all_runs(tmp_path: Path) -> None:
+    far = BASE | {"path": BASE["path"] | {"polynomial": {"x": [20, -1], "y": [0], "z": [0]}}}
+    study = a_study(tmp_path, {"path.polynomial.x.0": {"list": [2.0, 1.9]}}, base=far)
+    with pytest.raises(ff.InputError, match="unvaried scenario has no motion") as caught:
+        run_study(study, tmp_path / "out", workers=1, report=False)
+    assert caught.value.key == "start"

@@ -15,8 +15,8 @@ import pytest
 import freefloat as ff
 from freefloat.errors import InputError
 from freefloat.studies.database import open_results
-from freefloat.studies.portable import study_files
 from freefloat.studies.study import Study
+from freefloat.studies.workers import study_files
 from tests.commands import error
 from tests.errors import error_key
 from tests.example_studies import SHORT, a_study, finished, write_study
@@ -122,19 +122,6 @@ def test_an_altered_database_is_refused(
 ) -> None:
     finished(study, tmp_path / "out", *map(values, range(3)))
     altered(tmp_path / "out", *statements)
-    assert error_key(finished, study, tmp_path / "out") == "output"
-
-
-@pytest.mark.parametrize("name", [b"joints.\x11", b"joints.5"])
-def test_a_bit_in_the_name_of_a_column_is_not_believed(
-    name: bytes, study: Study, tmp_path: Path
-) -> None:
-    """The rows alone would be computed again, and a column without values be left."""
-    finished(study, tmp_path / "out", *map(values, range(3)))
-    file = tmp_path / "out" / "study.sqlite"
-    content = file.read_bytes()
-    assert content.count(b'"joints.1"') == 1
-    file.write_bytes(content.replace(b'"joints.1"', b'"' + name + b'"'))
     assert error_key(finished, study, tmp_path / "out") == "output"
 
 

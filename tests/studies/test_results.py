@@ -56,17 +56,6 @@ def report_of(study: Study, folder: Path, *runs: dict[str, Any]) -> Path:
     return save_report(result)["report"]
 
 
-def test_a_database_returns_the_rows_that_were_added(study: Study, tmp_path: Path) -> None:
-    for run in RUNS:
-        rows = finished(study, tmp_path, run)
-    assert [row["number"] for row in rows] == [0, 1, 2]
-    for run in RUNS:
-        row = rows[run["number"]]
-        assert {name: row[name] for name in run} == run
-        assert row["momentum.2"] == study.parameters(run["number"])["momentum.2"]
-    assert rows.column("margin", "WHERE margin > 5").tolist() == [7.5]
-
-
 def test_spreadsheets_evaluate_no_cell(study: Study, tmp_path: Path) -> None:
     """Texts that begin like a formula have an apostrophe in CSV files, and none in Parquet."""
     reasons = ["=1+1", "-2", "@x", "+3"]

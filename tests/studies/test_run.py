@@ -16,13 +16,13 @@ import yaml
 import freefloat as ff
 from freefloat.beyond.engines.track_runs import followed_motion
 from freefloat.beyond.formats.mjcf_file import robot_mjcf
-from freefloat.io.records.results import load
+from freefloat.io.results import load
 from freefloat.io.scenario.scenario import load_scenario
 from freefloat.planning.simulation import simulate
 from freefloat.robot.bundled import find_scenario
 from freefloat.so3 import heading_quaternion
-from freefloat.studies.portable import PortableStudy, study_files
 from freefloat.studies.run import RunResult, execute
+from freefloat.studies.workers import PortableStudy, study_files
 from tests.example_studies import BASE, HEADINGS, a_study
 
 pytestmark = pytest.mark.usefixtures("kernels")

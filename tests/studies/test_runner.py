@@ -1,4 +1,4 @@
-"""Studies as a whole: run, continued after any process is killed, interrupted, estimated."""
+"""Studies as a whole: their processes, killed, interrupted and continued; estimates."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ import pyarrow.parquet
 import pytest
 import yaml
 
-from freefloat.io.records.results import load
+from freefloat.io.results import load
 from freefloat.robot.bundled import find_scenario, models_folder
 from freefloat.studies.database import open_results
 from freefloat.studies.estimate import estimate_study
 from freefloat.studies.loading import load_study
-from freefloat.studies.portable import PortableStudy, study_files
 from freefloat.studies.run import execute
 from freefloat.studies.runner import run_study
+from freefloat.studies.workers import FEW, PortableStudy, completed_in_pool, study_files
 from tests.commands import document, error, run
 from tests.errors import error_key
 from tests.example_studies import HEADINGS, SHORT, a_study, write_study
@@ -86,15 +86,9 @@ def test_a_study_has_the_rows_of_its_runs_and_is_not_repeated(folder: Path) -> N
 
 @pytest.mark.slow
 def test_runs_that_fail_stop_no_other(folder: Path) -> None:
-    """Runs with a path out of reach, a broken robot, a number that is none, or a missing file."""
-    (folder / "bad.urdf").write_text("<robot><link")
-    good: dict[str, Any] = {"momentum.2": 0.1, "x": 2, "robot.urdf": "planar_3dof"}
-    bad = [{"x": 9}, {"robot.urdf": "bad.urdf"}, {"momentum.2": float("nan")},
-           {"robot.urdf": "none"}]  # fmt: skip
-    runs = [good | bad[k // 4] if k % 4 == 3 else good for k in range(16)]
-    names = {"momentum.2": "momentum.2", "x": "path.polynomial.x.0", "robot.urdf": "robot.urdf"}
-    vary = {key: {"list": [values[name] for values in runs]} for name, key in names.items()}
-    write_study(folder, vary, base=SHORT, combine="zipped", files="none")
+    """Runs with a path out of reach."""
+    vary = {"path.polynomial.x.0": {"list": [2, 2, 2, 9] * 4}}
+    write_study(folder, vary, base=SHORT, files="none")
     result = run("batch", "study.yaml", "-o", "out", "--workers", "1")
     assert result.exit_code == 1
     assert len(result.stderr.splitlines()) == 2  # run by run, and the first error
@@ -113,7 +107,6 @@ def started(*words: str) -> subprocess.Popen[str]:
 
 
 def files(folder: Path) -> list[str]:
-    """Result files of the finished runs."""
     return sorted(path.name for path in folder.glob("cases/0*.h5"))
 
 
@@ -304,3 +297,100 @@ def test_invalid_input_is_exit_code_2_with_the_key(
     (folder / "far.yaml").write_text(base.replace("planar_3dof.urdf", "bad.urdf"))
     (folder / "bad.urdf").write_text("<robot><link")
     assert error("batch", *words)["key"] == key
+
+
+LISTENING = 0x10000
+"""Flag of a socket that accepts connections, in /proc/net/unix."""
+
+
+@pytest.fixture
+def importable(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Workers find this module, whose functions are their work."""
+    monkeypatch.syspath_prepend(Path(__file__).parents[2])
+
+
+def kill_at(study: PortableStudy, number: int) -> int:
+    """The work of a run; that of run 5 kills its process."""
+    if number == 5:
+        os._exit(9)
+    return number
+
+
+def threads_of(study: PortableStudy, number: int) -> set[int]:
+    """Numbers of threads of the libraries for linear algebra in a worker."""
+    import threadpoolctl
+
+    return {pool["num_threads"] for pool in threadpoolctl.threadpool_info()}
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("importable")
+def test_a_run_that_kills_its_process_is_named_and_no_other_is_lost(tmp_path: Path) -> None:
+    study = PortableStudy(a_study(tmp_path))
+    found = dict(completed_in_pool(kill_at, study, range(FEW + 8), 2))
+    assert found == {number: None if number == 5 else number for number in range(FEW + 8)}
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("importable")
+def test_a_worker_computes_on_one_thread_and_imports_nothing_from_the_current_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "multiprocessing.py").write_text("open('imported', 'w')")
+    study = PortableStudy(a_study(tmp_path))
+    monkeypatch.chdir(tmp_path)
+    found = dict(completed_in_pool(threads_of, study, range(FEW + 1), 1))
+    assert len(found) == FEW + 1
+    assert set().union(*filter(None, found.values())) == {1}
+    assert not (tmp_path / "imported").exists()
+    assert "PYTHONSAFEPATH" not in os.environ
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("kernels")
+def test_workers_that_end_as_they_start_are_an_input_error(tmp_path: Path) -> None:
+    """As those of a script that begins its study again when a worker imports it."""
+    file = write_study(tmp_path, PATHS, base=SHORT, cases=500)
+    words = ["batch", str(file), "-o", str(tmp_path / "out")]
+    script = tmp_path / "script.py"
+    script.write_text(f"from freefloat.cli.app import app\napp({words})\n")
+    done = subprocess.run([sys.executable, script], capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert "freefloat: workers: " in done.stderr
+
+
+def sockets(processes: list[psutil.Process]) -> list[str]:
+    """Sockets of processes that accept connections."""
+    found, unix = [], set()
+    for line in Path("/proc/net/unix").read_text().splitlines()[1:]:
+        words = line.split()
+        if int(words[3], 16) & LISTENING:
+            unix.add(f"socket:[{words[6]}]")
+    for process in processes:
+        found += [str(entry) for entry in process.net_connections("inet")]
+        for file in Path(f"/proc/{process.pid}/fd").iterdir():
+            found += [str(file)] if os.readlink(file) in unix else []
+    return found
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("kernels")
+def test_no_process_of_a_study_has_a_listening_socket(tmp_path: Path) -> None:
+    file = write_study(tmp_path, PATHS, base=SHORT, cases=500, files="all")
+    command = [sys.executable, "-m", "freefloat", "batch", str(file), "-o", str(tmp_path / "out")]
+    process = subprocess.Popen(
+        [*command, "--workers", "2", "--quiet"], stderr=subprocess.DEVNULL, start_new_session=True
+    )
+    try:
+        begin = time.monotonic()
+        while not list(tmp_path.glob("out/cases/0*.h5")):
+            assert process.poll() is None
+            assert time.monotonic() - begin < 180.0
+            time.sleep(0.05)
+        tree = [psutil.Process(process.pid), *psutil.Process(process.pid).children(recursive=True)]
+        assert sum("spawn_main" in " ".join(entry.cmdline()) for entry in tree) == 2
+        assert sockets(tree) == []
+    finally:
+        process.kill()
+        process.communicate()
+    assert psutil.wait_procs(tree, timeout=60)[1] == []  # the death of the command ends all

@@ -17,14 +17,6 @@ from tests.example_studies import BASE, a_study, write_study
 MOMENTA, DURATIONS = {"list": [[0, 0, -1], [0, 0, 1]]}, {"list": [50, 100, 200]}
 
 
-def test_listed_values_are_crossed(tmp_path: Path) -> None:
-    study = a_study(tmp_path, {"momentum": MOMENTA, "timing.duration": DURATIONS})
-    assert study.count == 6
-    assert [list(study.parameters(k).values()) for k in range(6)] == [
-        [momentum, duration] for momentum in MOMENTA["list"] for duration in DURATIONS["list"]
-    ]
-
-
 @pytest.mark.parametrize(("combine", "count"), [("crossed", 2 * 3 * 4), ("zipped", 3 * 4)])
 def test_values_are_drawn_for_each_combination(combine: str, count: int, tmp_path: Path) -> None:
     momenta = MOMENTA if combine == "crossed" else {"list": [[0, 0, k] for k in range(3)]}
@@ -42,14 +34,6 @@ def test_a_run_is_the_base_with_its_values(tmp_path: Path) -> None:
     own = {"momentum": [0, 0, 1.5], "limits": {"base_rate": 0.1}}
     assert study.document(0) == BASE | own
     assert study.base == BASE
-
-
-def test_a_start_may_vary_and_is_no_key_of_the_scenario(tmp_path: Path) -> None:
-    study = a_study(tmp_path, {"heading_deg": {"list": [10, 20]}}, start={"branch": 1})
-    assert [study.start(k) for k in (0, 1)] == [
-        {"heading_deg": 10, "branch": 1}, {"heading_deg": 20, "branch": 1},
-    ]  # fmt: skip
-    assert study.document(1) == BASE
 
 
 @pytest.mark.parametrize("name", bundled_studies())

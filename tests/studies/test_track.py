@@ -11,12 +11,13 @@ import pytest
 
 import freefloat as ff
 from freefloat.beyond.engines.track_runs import chunks, computed
-from freefloat.studies.portable import PortableStudy
 from freefloat.studies.results import StudyResult
 from freefloat.studies.run import execute
+from freefloat.studies.runner import run_study
 from freefloat.studies.study import Study
+from freefloat.studies.workers import PortableStudy
 from tests.errors import error_key
-from tests.example_studies import SHORT, a_study, finished, write_study
+from tests.example_studies import SHORT, a_study, write_study
 
 VARY: dict[str, Any] = {
     "track.mass_error": {"list": [0.0, 0.2]},
@@ -27,10 +28,8 @@ TRACK: dict[str, Any] = {"base": SHORT, "command": "track", "track": {"friction"
 
 
 def result_of(study: Study) -> StudyResult:
-    portable = PortableStudy(study)
-    rows = [execute(portable, k).values | {"number": k} for k in range(study.count)]
     folder = Path(tempfile.mkdtemp(dir=Path(study.source).parent))
-    return StudyResult(study, finished(study, folder, *rows), folder)
+    return run_study(study, folder, workers=1, report=False)
 
 
 @pytest.mark.slow

@@ -11,15 +11,14 @@ import yaml
 from scipy.spatial.transform import Rotation
 
 import freefloat as ff
+from freefloat.beyond.studio.analyses import PathAnalysis
 from freefloat.beyond.studio.analysis import RobotCache
 from freefloat.beyond.studio.messages import WorkerState
-from freefloat.beyond.studio.path_analysis import PathAnalysis
 from freefloat.io.scenario.scenario import parse_scenario
 from freefloat.robot.bundled import find_scenario
 
 
 def analysis(name: str, **changes: Any) -> tuple[PathAnalysis, WorkerState]:
-    """The analysis of a bundled scenario with other sections."""
     source = find_scenario(name)
     content = yaml.safe_load(source.read_text("utf-8")) | changes
     state = WorkerState(yaml.safe_dump(content), source)
@@ -48,20 +47,6 @@ def test_the_ball_is_the_map_of_the_problem() -> None:
     assert (unpacked(answer.content["states"], "u1") == 2).tolist() == feasible.tolist()
     said = [reason.startswith("feasible") for reason in answer.reasons]
     assert said == feasible.tolist()
-
-
-def test_an_abandoned_map_is_made_again() -> None:
-    class Abandoned(Exception):
-        """For this test."""
-
-    def abandon(_: float) -> None:
-        raise Abandoned
-
-    studied, _ = analysis("spatial_6dof/line")
-    with pytest.raises(Abandoned):
-        studied.next_map(abandon)
-    assert studied.level == 0
-    assert studied.next_map(no_progress).content["samples"] == studied.levels[0]
 
 
 @pytest.mark.slow

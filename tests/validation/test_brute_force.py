@@ -19,7 +19,6 @@ SCRIPT = Path(__file__).parents[2] / "scripts" / "lab" / "verify_planar_ranges.p
 
 @pytest.fixture(scope="module")
 def verify():
-    """The script that compares with brute force, as a module."""
     spec = importlib.util.spec_from_file_location("verify_planar_ranges", SCRIPT)
     module = importlib.util.module_from_spec(spec)
     sys.modules[spec.name] = module

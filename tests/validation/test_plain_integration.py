@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 import freefloat as ff
-from freefloat.paths import TimeLaw
+from freefloat.paths.timing import TimeLaw
 from tests.motions import GOOD, PRISMATIC_ARM, bundled, from_here, heading, seven, tracking
 from tests.validation.comparisons import assert_agrees
 

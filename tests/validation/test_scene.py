@@ -12,7 +12,7 @@ from scipy.special import ellipj
 
 import freefloat as ff
 from freefloat.limits.pairs import CollisionPairs
-from freefloat.robot.mesh_files import find_mesh
+from freefloat.robot.robot_files import find_mesh
 from freefloat.robot.shapes import MeshFile
 from freefloat.so3 import Pose
 from tests.prismatic import shape_text
@@ -126,7 +126,7 @@ def test_distances_of_meshes_are_those_of_mujoco(name, rng):
     scene = ff.Scene([
         ff.SceneBody("box", ff.Box([0.6, 0.5, 0.9])),
         ff.SceneBody("mast", ff.Cylinder(0.05, 1.0)),
-        ff.SceneBody("part", MeshFile(str(mesh), (3.0, 3.0, 3.0))),
+        ff.SceneBody("part", str(mesh)),
     ])  # fmt: skip
     pairs = CollisionPairs(model, scene=scene)
     shapes, others = pairs.shapes, np.flatnonzero(pairs.bodies[:, 1] > model.dof)

@@ -15,15 +15,11 @@ import freefloat as ff
 from freefloat.beyond.engines.mujoco import MuJoCo
 from freefloat.certificate.certificate import certify
 from freefloat.ensemble.ensemble import EnsembleIntegrator
-from freefloat.ensemble.feasibility import FeasibilityEvaluator
-from freefloat.ensemble.recorded_motions import RecordedMotions
-from freefloat.ensemble.systems import equivalents
-from freefloat.limits.recorded_torques import largest_torques
 from freefloat.so3 import heading_quaternion
 from freefloat.verification import range_checks
 from freefloat.verification.comparisons import Check
 from tests.errors import error_key
-from tests.motions import bundled, from_here
+from tests.motions import from_here
 from tests.robots import pin_configuration, planar_robot, random_robot
 
 STRUCTURES = {
@@ -171,16 +167,6 @@ def test_joint_torques_bear_the_gravity_on_a_table(number: int) -> None:
     np.testing.assert_array_equal(motion.joints, weightless.joints)
 
 
-@pytest.mark.parametrize(("number", "gravity"), [(0, 0.0), (4, 9.81), (6, 9.81)])
-def test_torques_of_recorded_motions_are_those_of_precise_ones(number: int, gravity) -> None:
-    problem, attitude, joints, _ = on_table(number)
-    problem = problem.replace(model=replace(problem.model, gravity=gravity))
-    motion = ff.integrate_motion(problem, attitude, joints)
-    recorded = RecordedMotions.of(equivalents(problem, 1), attitude[None], joints[None], 32, 1)
-    torques = np.abs(motion.node_effort.joint_torques).max(axis=(0, 1))
-    np.testing.assert_allclose(largest_torques(recorded, 1).values[0], torques, rtol=2e-3)
-
-
 def test_a_scenario_states_gravity_and_a_free_base_has_none() -> None:
     scenario = ff.load_scenario("ur5_servicer/table")
     content = scenario.content.model_dump(exclude_unset=True, by_alias=True)
@@ -190,23 +176,19 @@ def test_a_scenario_states_gravity_and_a_free_base_has_none() -> None:
     assert error_key(lambda: ff.load_scenario(content).model()) == "robot.gravity"
 
 
-def heavy_plan(joint_torque: object) -> ff.Plan:
-    """The plan of a UR5 on a table with the fastest timing of a line, its arm having weight."""
+@pytest.mark.slow
+def test_the_fastest_timing_bears_gravity_and_is_verified(tmp_path, monkeypatch) -> None:
+    """From the attitude of the largest margin it takes more than 50 N m, at any timing."""
+    untried = Check("ranges of headings", True)  # they do not depend on gravity
+    monkeypatch.setattr(range_checks, "_heading_check", lambda *_: untried)
     robot = ff.load_scenario("ur5_servicer/table").content.robot.model_dump(exclude_unset=True)
-    return ff.load_scenario({
+    plan = ff.load_scenario({
         "robot": robot | {"gravity": 9.81}, "task": "pose",
         "path": {"line": {"from": [0.75, -0.3, 0.7], "to": [0.75, 0.3, 0.75]},
                  "attitude": {"fixed": {"rpy": [0, 1.5707963268, 0]}}},
         "timing": {"duration": 5, "law": "optimal"}, "margin": {"measure": "gjm", "value": 0.001},
-        "limits": {"joint_torque": joint_torque, "joint_acceleration": 1.0, "clearance": "off"},
+        "limits": {"joint_torque": 47.0, "joint_acceleration": 1.0, "clearance": "off"},
     }).plan()  # fmt: skip
-
-
-@pytest.mark.slow
-def test_the_fastest_timing_bears_gravity_and_is_verified(tmp_path, monkeypatch) -> None:
-    untried = Check("ranges of headings", True)  # they do not depend on gravity
-    monkeypatch.setattr(range_checks, "_heading_check", lambda *_: untried)
-    plan = heavy_plan("urdf")
     assert plan.feasible, plan.reason
     assert plan.problem.path.duration < 5.0
     ratios = {entry.limit: entry.ratio for entry in plan.limit_results}
@@ -218,63 +200,12 @@ def test_the_fastest_timing_bears_gravity_and_is_verified(tmp_path, monkeypatch)
     assert ff.check(loaded, "mujoco").passed
 
 
-@pytest.mark.slow
-def test_an_attitude_is_found_from_which_the_weight_can_be_borne() -> None:
-    """From that of the largest margin it takes more than 50 N m, at any timing."""
-    plan = heavy_plan(47.0)
-    assert plan.feasible, plan.reason
-    assert all(entry.kept for entry in plan.limit_results)
-
-
-def test_the_inverse_kinematics_find_the_joints_of_a_pose() -> None:
-    for number in (0, 2, 4, 6):
-        problem, attitude, joints, _ = on_table(number)
-        branches = problem.branches(attitude)
-        poses = [problem.model.end_effector_pose(attitude, entry.joints) for entry in branches]
-        start = problem.path.pose(0.0)
-        assert len(branches) > 0
-        for pose in poses:
-            np.testing.assert_allclose(pose.position, start.position, atol=1e-8)
-        if not problem.redundant:
-            assert problem.nearest(joints, branches, 1e-6)
-
-
-@pytest.mark.parametrize("name", ["planar_2dof/line", "planar_3dof/parabola_nonstop"])
-def test_motions_of_a_planar_arm_are_those_of_the_free_base(name: str) -> None:
-    free, one = bundled(name), np.ones(3)
-    table = free.replace(model=replace(free.model, base="planar"))
-    limits = ff.Limits(
-        joint_rate=one[: free.model.dof], joint_torque=one[: free.model.dof], base_rate=1.0,
-        joint_acceleration=one[: free.model.dof], clearance="off",
-    )  # fmt: skip
-    here, there = (ff.simulate(p, heading=0.3, limits=limits) for p in (free, table))
-    assert len(here.branches) == len(there.branches) > 0
-    for own, other in zip(here.branches, there.branches, strict=True):
-        assert other.minimum_margin == pytest.approx(own.minimum_margin, rel=1e-9)
-        np.testing.assert_allclose(other.motion.final.joints, own.motion.final.joints, atol=1e-9)
-    for own, other in zip(here.limit_results, there.limit_results, strict=True):
-        assert other.ratio == pytest.approx(own.ratio, rel=1e-7)
-
-
 def test_a_certificate_bounds_the_margin_on_a_table() -> None:
     problem, attitude, joints, _ = on_table(0)
     certificate = certify(ff.integrate_motion(problem, attitude, joints))
     for minimum in certificate.minima:
         assert 0.85 * minimum.value < minimum.bound <= minimum.value
     assert certificate.integration.joints < 1e-8
-
-
-def test_wheels_do_not_tilt_what_a_table_holds_level() -> None:
-    problem, attitude, joints, text = on_table(3)
-    problem = problem.stretched(15.0).replace(wheel_momentum=[0.0, 0.0, 20.0])
-    motion = ff.integrate_motion(problem, attitude, joints)
-    assert np.abs(motion.attitudes[:, :2]).max() < 1e-12
-    other, last = PlanarRoot(problem, text), 0.5 * motion.final.time
-    x, y, _ = problem.model.base_position(attitude, joints)
-    start = [x, y, 2.0 * np.arctan2(attitude[2], attitude[3]), *joints]
-    reference = solve_ivp(other.rates, (0.0, last), start, "DOP853", rtol=1e-12, atol=1e-12)
-    (state,) = motion.sample([last])
-    np.testing.assert_allclose(state.joints, reference.y[3:, -1], atol=1e-7)
 
 
 @pytest.mark.parametrize(
@@ -297,22 +228,6 @@ def test_attitudes_that_leave_the_table_are_refused() -> None:
         lambda: ff.capture(system, client, tilted, q, q),
     ):
         assert error_key(wrong) == "attitude"
-
-
-@pytest.mark.slow
-def test_ranges_narrower_than_the_spacing_of_samples_are_found() -> None:
-    problem, *_ = on_table(123, "PRRRRR")
-    problem = problem.replace(margin=ff.Margin(problem.margin.measure, 0.29644))
-    headings = np.radians(np.arange(167.0, 168.4, 0.05))
-    evaluator = FeasibilityEvaluator(problem)
-    margins = evaluator.evaluate(problem.plane.attitudes(headings)).margins
-    ranges = {entry.branch: entry for entry in ff.plan(problem).ranges}
-    for branch in (0, 2):
-        kept = problem.margin.keeps(np.nan_to_num(margins[:, branch]))
-        assert kept.any()
-        assert not kept.all()
-        depths = [ranges[branch].depth(heading) for heading in headings.tolist()]
-        np.testing.assert_array_equal(kept, np.array(depths) >= 0.0)
 
 
 def test_the_height_of_a_planar_arm_does_not_matter() -> None:

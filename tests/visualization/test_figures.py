@@ -1,8 +1,7 @@
-"""Which figures a plan has, feasible or not, in the plane and in space; and what --plots does."""
+"""Which figures a plan has; joint space and headings show its margins, ranges and motions."""
 
 from __future__ import annotations
 
-import os
 from functools import cache
 from pathlib import Path
 
@@ -10,10 +9,17 @@ import numpy as np
 import pytest
 
 import freefloat as ff
+from freefloat.motion.motion import Motion
+from freefloat.planning.margin_map import HeadingMap
 from freefloat.planning.plan import Plan
+from freefloat.planning.plane.arcs import BranchRanges, HeadingRange
+from freefloat.regions.planar_regions import PlanarArm, two_angles
+from freefloat.so3 import heading_quaternion
+from freefloat.visualization.figure_style import GREEN
 from freefloat.visualization.figures import figures as figures_module
-from tests.commands import document
+from freefloat.visualization.planar_figures import headings_figure, joint_space_figure
 from tests.figures import labels, line
+from tests.maps import branch_results
 from tests.scenarios import PARABOLA
 
 OF_A_MOTION = ["snapshots", "motion", "margin", "momentum"]
@@ -74,8 +80,87 @@ def test_plans_that_are_not_feasible_show_what_there_is(folder: Path) -> None:
     assert all(len(axes.patches) == 0 for axes in drawings["headings"].axes)
 
 
+PLANAR = ff.load_scenario("planar_3dof/parabola").problem()
+BOTH = ("margin", "margin")
+
+
+@pytest.fixture(scope="module")
+def motions() -> list[Motion]:
+    starts = [heading_quaternion(np.deg2rad(degrees)) for degrees in (200.0, 140.0)]
+    return [ff.simulate(PLANAR, start, branch=0).chosen.motion for start in starts]
+
+
+def test_s_is_what_the_curves_say(motions: list[Motion]) -> None:
+    """(22): S = 0 and S = +-5 in joint space."""
+    figure = joint_space_figure(PLANAR, motions)
+    (axes,), arm = figure.axes, PlanarArm.of(PLANAR.model)
+    for level, value in ((0.0, "0 (singular)"), (5.0, "5 m$^{4}$ kg"), (-5.0, "−5 m$^{4}$ kg")):
+        curve = np.radians(line(axes, f"$S$ = {value}"))
+        curve = curve[np.isfinite(curve).all(axis=1)]
+        assert len(curve) > 500
+        assert np.allclose(arm.determinant(two_angles(arm, curve)), level, atol=1e-6)
+
+
 @pytest.mark.slow
-def test_commands_write_pdf_and_png_and_list_them(folder: Path) -> None:
-    plots = document("map", "strict.yaml", "--samples", "36", "--plots", "drawn", code=1)["plots"]
-    assert plots == ["drawn/headings.pdf", "drawn/headings.png"]
-    assert sorted(os.listdir("drawn")) == ["headings.pdf", "headings.png"]
+def test_motions_of_the_segments_touch_where_the_plan_says() -> None:
+    """Each touch point is drawn on the motion through it, as C inside the path or E at its end."""
+    plan = ff.plan(PLANAR)
+    (axes,) = ff.figures(plan)["joint_space"].axes
+    points = [limit.touch_point for segment in plan.segments for limit in segment.limits]
+    touching = [
+        item.get_xydata() for item in axes.lines
+        if item.get_color() == GREEN and item.get_linestyle() == "-"
+    ]  # fmt: skip
+    for marker, inside in (("D", True), ("s", False)):
+        marks = [item.get_xydata()[0] for item in axes.lines if item.get_marker() == marker]
+        wanted = [point.joints[:2] for point in points if (point.kind == "tangent") is inside]
+        assert np.allclose(np.exp(1j * np.radians(marks)), np.exp(1j * np.array(wanted)))
+        for mark in marks:
+            gaps = [np.nanmin(np.linalg.norm(curve - mark, axis=1)) for curve in touching]
+            assert min(gaps) < 3.0
+    assert len(touching) == len(points) == 8
+    names = [text.get_text() for text in axes.texts]
+    assert {"C", "E", "$R_A$", "$R_B$"} <= set(names)
+    assert sorted(set(names) & {"I", "II", "III", "IV"}) == ["I", "II", "III", "IV"]
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("$q_1$ [deg]", "$q_2$ [deg]")
+
+
+def some_map() -> HeadingMap:
+    """Two branches from eight headings, a margin of 5; one branch does not always reach."""
+    margins = np.array([[0, 2, 6, 8, 9, 7, 4, 0], [9, 9, 9, np.nan, 0, 1, 5, 9]], dtype=float)
+    headings = np.arange(8) * np.pi / 4
+    results = branch_results(heading_quaternion(headings), margins.T, 3)
+    return HeadingMap(PLANAR, results, headings, (0, 3))
+
+
+def spans(axes: object) -> list[tuple[float, float]]:
+    patches = axes.patches  # type: ignore[attr-defined]
+    return [(item.get_x(), item.get_x() + item.get_width()) for item in patches]
+
+
+def test_shaded_spans_are_the_ranges() -> None:
+    ranges = (
+        BranchRanges(0, "elbow+", (HeadingRange(1.0, 4.5, BOTH),), (1.0, 4.5)),
+        BranchRanges(3, "elbow-", (HeadingRange(5.0, 2.0 * np.pi + 1.0, BOTH),), (1.0, 5.0)),
+    )
+    figure = headings_figure(some_map(), ranges, (3, 6.0))
+    first, second = figure.axes
+    assert np.allclose(spans(first), np.degrees([(1.0, 4.5)]))
+    assert np.allclose(sorted(spans(second)), [(0.0, np.degrees(1.0)), (np.degrees(5.0), 360.0)])
+    assert labels(first) == ["elbow+", "feasible", "margin 5"]
+    reached_in_part = ["elbow-", "feasible", "start out of reach", "margin 5", "chosen"]
+    assert labels(second) == reached_in_part
+    assert np.allclose(line(second, "chosen")[:, 0], np.degrees(6.0))
+    for axes, row in zip(figure.axes, some_map().results.existing_margins.T, strict=True):
+        (curve,) = [item for item in axes.lines if len(item.get_xdata()) == 8]
+        assert np.array_equal(curve.get_ydata(), row, equal_nan=True)
+        assert line(axes, "margin 5")[:, 1].tolist() == [5.0, 5.0]
+
+
+@pytest.mark.slow
+def test_where_only_a_limit_is_violated_figures_show_the_margin_and_name_the_limit() -> None:
+    sun = ff.PointingLimit("spacecraft", [0.0, 1.0, 0.0], 1.4, "outside", direction=[1.0, 0.5, 0.3])
+    drawn = ff.figures(ff.plan(PLANAR, limits=ff.Limits(pointing=(sun,))))
+    assert labels(drawn["joint_space"].axes[0])[-1].endswith("violates pointing")
+    first = ff.simulate(PLANAR, heading=0.0, branch=0).chosen.closest_approach
+    assert line(drawn["headings"].axes[0], "elbow+")[0] == pytest.approx([0.0, first.value])

@@ -1,4 +1,4 @@
-"""Figures of maps show the numbers of the map with names and units."""
+"""Figures and slices of maps show the numbers of the map with names and units."""
 
 from __future__ import annotations
 
@@ -8,12 +8,13 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import QuadMesh
 from matplotlib.colors import to_rgb, to_rgba
 from scipy.ndimage import minimum_filter
+from scipy.spatial.transform import Rotation
 
 import freefloat as ff
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.planning.space.mapping import sample_attitudes
 from freefloat.visualization.figure_style import BLUE, LIGHT, PALE
-from freefloat.visualization.figures.map_figures import histogram_figure, slices_figure
+from freefloat.visualization.map_figures import histogram_figure, slices_figure
 from freefloat.visualization.slices import Mark, map_slices
 
 BRANCHES = 4  # the others are wrist-flipped
@@ -79,7 +80,7 @@ def test_bars_add_up_to_the_percentages(shown, problem):
 @pytest.mark.slow
 def test_motions_from_touch_points_touch_the_margin(problem):
     """S of (21b) is S0 at every marked point, its magnitude never less; maps without have none."""
-    result = ff.attitude_map(problem, 60, touch=3)
+    result = ff.attitude_map(problem, 60, touch=3, refine=False)
     (axes,) = ff.figures(result)["touch_points"].axes
     threshold = problem.margin.threshold
     marks = [item.get_xydata()[0] for item in axes.lines if item.get_marker() in "Ds"]
@@ -89,4 +90,29 @@ def test_motions_from_touch_points_touch_the_margin(problem):
     assert len(curves) == 3
     assert all(np.abs(S).min() == pytest.approx(threshold, rel=1e-2) for S in curves)
     assert axes.get_ylabel() == "$S$ (in-plane factor) [m$^{4}$ kg]"
-    assert "touch_points" not in ff.figures(ff.attitude_map(problem, 60))
+    assert "touch_points" not in ff.figures(ff.attitude_map(problem, 60, refine=False))
+
+
+def placed(plane, row, column):
+    """The rotation vector at a place of a slice."""
+    vector = np.zeros(3)
+    vector[plane.normal] = plane.offset
+    right, up = plane.across
+    vector[right], vector[up] = plane.ticks[column], plane.ticks[row]
+    return vector
+
+
+def test_every_place_has_the_margin_of_its_attitude(shown, problem):
+    """This also fixes which component is horizontal and which vertical."""
+    _, slices, *_ = shown
+    evaluator, value = FeasibilityEvaluator(problem), problem.margin.threshold
+    for plane in slices:
+        rows, columns = np.nonzero(np.isfinite(plane.margins))
+        picked = np.random.default_rng(1).choice(len(rows), 12, replace=False)
+        vectors = [
+            placed(plane, *place) for place in zip(rows[picked], columns[picked], strict=True)
+        ]
+        margins = evaluator.margins(Rotation.from_rotvec(vectors).as_quat(), None)
+        found = plane.margins[rows[picked], columns[picked]]
+        assert found == pytest.approx(np.where(margins >= value, margins, 0.0))
+        assert found.max() > value

@@ -11,14 +11,15 @@ from matplotlib.figure import Figure
 from scipy.spatial.transform import Rotation
 
 import freefloat as ff
-from freefloat.io.formats.trajectory import Trajectory
+from freefloat.io.trajectory import Trajectory
 from freefloat.motion.law import PathLaw
 from freefloat.planning.motions import SimulatedBranch
-from freefloat.so3 import heading_quaternion
+from freefloat.so3 import heading_of, heading_quaternion
+from freefloat.visualization.comparison_figure import comparison_figure
 from freefloat.visualization.figure_style import PALE, VERMILION, axis_label
-from freefloat.visualization.figures.comparison_figure import comparison_figure
-from freefloat.visualization.figures.motion_figures import euler_angles, motion_figures, shown_times
-from tests.figures import line
+from freefloat.visualization.motion_figures import euler_angles, motion_figures, shown_times
+from tests.figures import labels, line
+from tests.motions import GOOD
 
 
 def simulated(name: str, attitude: list[float] | float, branch: int) -> SimulatedBranch:
@@ -38,7 +39,7 @@ def singular() -> SimulatedBranch:
 
 @pytest.fixture(scope="module")
 def spatial() -> SimulatedBranch:
-    return simulated("spatial_6dof/line", [0.46008, 0.09337, 0.73519, -0.48898], 2)
+    return simulated("spatial_6dof/line", GOOD, 2)
 
 
 Drawn = tuple[SimulatedBranch, dict[str, Figure]]
@@ -124,3 +125,24 @@ def test_errors_are_those_of_the_motion(drawn: Drawn) -> None:
         np.nanmax(line(pose, "end-effector orientation")[:, 1])
         == residuals.end_effector_orientation
     )
+
+
+ANTENNA = ff.PointingLimit("spacecraft", [0.0, 1.0, 0.0], 0.6, direction=[-1.0, 0.0, 0.0])
+TRACKER = ff.PointingLimit("end_effector", [1.0, 0.0, 0.0], 0.5, "outside", point=[4.0, 1.0, 0.0])
+NAMES = ["spacecraft (pointing.0)", "end_effector (pointing.1)", "turn of the spacecraft"]
+
+
+@pytest.mark.slow
+def test_limited_angles_are_those_of_the_heading() -> None:
+    """In the plane an angle is a difference of headings, from -180 to 180 degrees."""
+    problem = ff.load_scenario("planar_3dof/parabola").problem()
+    limits = ff.Limits(pointing=[ANTENNA, TRACKER], base_turn=0.5)
+    simulation = ff.simulate(problem, heading=np.radians(200.0), branch=0, limits=limits)
+    panels = ff.figures(simulation)["angles"].axes
+    assert [labels(axes)[0] for axes in panels] == NAMES
+    motion = simulation.chosen.motion
+    times, turns = line(panels[2], NAMES[2]).T
+    headings = np.array([heading_of(state.attitude) for state in motion.sample(times)])
+    for shown, origin in ((line(panels[0], NAMES[0])[:, 1], np.pi / 2.0), (turns, headings[0])):
+        expected = np.abs((headings - origin + np.pi) % (2.0 * np.pi) - np.pi)
+        assert shown == pytest.approx(np.degrees(expected), abs=1e-6)

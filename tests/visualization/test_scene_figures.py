@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from matplotlib.patches import Circle, Polygon, Wedge
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+from scipy.spatial import ConvexHull
 
 import freefloat as ff
+from freefloat.motion.law import PathLaw
 from freefloat.motion.motion import Motion
-from freefloat.regions.planar_regions import point_3_on_path
 from freefloat.regions.workspace import exact_workspace
-from freefloat.visualization.figures.scene_figures import outlines, snapshots_figure
-from freefloat.visualization.figures.workspace_figure import workspace_figure
+from freefloat.so3 import heading_quaternion
+from freefloat.visualization.scene_figures import outline_points, outlines, snapshots_figure
+from freefloat.visualization.workspace_figure import workspace_figure
 from tests.figures import line
 
 PLANAR = ff.load_scenario("planar_3dof/parabola").problem()
@@ -42,17 +46,6 @@ def test_areas_are_rings_around_the_centre_of_mass() -> None:
     circles = [item for item in axes.patches if isinstance(item, Circle)]
     assert [circle.radius for circle in circles] == list(AREAS.reach)
     assert all(ring.center == (0.0, 0.0) for ring in rings)
-
-
-def test_the_path_runs_from_its_start_to_its_end() -> None:
-    (axes,) = workspace_figure(PLANAR, AREAS).axes
-    path, point = line(axes, "path"), line(axes, "virtual last joint")
-    assert np.allclose(path[[0, -1]], [[2.0, 0.0], [-1.0, 2.0]])
-    assert np.allclose(path[:, 1], path[:, 0] ** 2 / 6 - 5 * path[:, 0] / 6 + 1)  # (30a)
-    assert np.allclose(line(axes, "start"), path[:1])
-    assert np.allclose(line(axes, "end"), path[-1:])
-    wanted = [point_3_on_path(PLANAR, s) for s in (0.0, PLANAR.path.duration)]
-    assert np.allclose(point[[0, -1]] @ [1.0, 1.0j], wanted)
 
 
 def test_e_is_where_point_3_enters_an_area() -> None:
@@ -111,3 +104,46 @@ def test_snapshots_in_space_show_the_first_and_the_last_state(spatial: Motion) -
         assert np.allclose(scales, scales[0])  # a metre is as long one way as the other
     singular = [text.get_text() for text in figure.legends[0].get_texts()]
     assert singular[-1].startswith("singular at 54.66")
+
+
+RATE = 0.1
+BODIES = (
+    ff.SceneBody("ball", ff.Sphere(0.2), [3.0, 0.0, 0.0]),
+    ff.SceneBody(
+        "bar", ff.Box([1.0, 0.1, 0.2]), [0.0, 3.0, 0.0],
+        motion=ff.Tumbling([1.0, 1.0, 1.0], [0.0, 0.0, RATE]),
+    ),
+)  # fmt: skip
+
+
+def motion_beside(name: str, attitude: list[float]) -> Motion:
+    problem = ff.load_scenario(name).problem().replace(scene=ff.Scene(BODIES))
+    return ff.simulate(problem, attitude).chosen.motion
+
+
+def test_moving_bodies_are_drawn_at_every_instant_of_a_planar_figure() -> None:
+    motion = motion_beside("planar_2dof/line", list(heading_quaternion(0.5)))
+    (axes,) = snapshots_figure(motion).axes
+    patches = [patch for patch in axes.patches if isinstance(patch, Polygon) and patch.get_fill()]
+    assert len(patches) == 1 + 5
+    assert [patch.get_label() for patch in patches].count("other bodies") == 1
+    ball, *bars = (patch.get_xy()[:-1] for patch in patches)
+    assert np.linalg.norm(ball - [3.0, 0.0], axis=1) == pytest.approx(0.2, abs=0.01)
+    for bar, time in zip(bars, np.linspace(0.0, motion.final.time, 5), strict=True):
+        edges = np.diff(np.vstack([bar, bar[:1]]), axis=0)
+        longest = edges[np.linalg.norm(edges, axis=1).argmax()]
+        direction = [np.cos(RATE * time), np.sin(RATE * time)]
+        assert abs(longest @ direction) == pytest.approx(1.0, abs=1e-6)
+        assert (bar.min(axis=0) + bar.max(axis=0)) / 2.0 == pytest.approx([0.0, 3.0], abs=1e-6)
+
+
+def test_outlines_have_nearly_the_volume_of_the_shapes() -> None:
+    shapes = [(ff.Sphere(0.5), 4.0 / 3.0 * np.pi * 0.125), (ff.Box([1, 2, 3]), 6.0),
+              (ff.Cylinder(0.5, 2.0), 0.5 * np.pi)]  # fmt: skip
+    motion = motion_beside("planar_2dof/line", list(heading_quaternion(0.5)))
+    for shape, volume in shapes:
+        scene = ff.Scene([ff.SceneBody("body", shape, [5.0, 0.0, 0.0])])
+        beside = replace(motion, law=PathLaw(motion.problem.replace(scene=scene)))
+        ((_, points),) = outline_points(beside, 0.0)
+        assert ConvexHull(points).volume == pytest.approx(volume, rel=0.03)
+        assert points.mean(axis=0) == pytest.approx([5.0, 0.0, 0.0], abs=0.01)

@@ -1,4 +1,4 @@
-"""The surface det A = 0 of scenes, by Pinocchio's matrices, and pages with it."""
+"""The surface det A = 0 of scenes, pages and figures, by Pinocchio's matrices."""
 
 from __future__ import annotations
 
@@ -11,7 +11,12 @@ from playwright.sync_api import Browser
 
 import freefloat as ff
 from freefloat.beyond.joint_space import scene as scenes
-from freefloat.beyond.joint_space.joint_sections import influential_joints, section
+from freefloat.beyond.joint_space.figures import (
+    influential_joints,
+    reference_configuration,
+    section,
+    singularity_figures,
+)
 from freefloat.beyond.joint_space.singularity_map import SingularityMap
 from freefloat.visualization.page.playback import Playback
 from tests.browser import differing, opened
@@ -19,9 +24,9 @@ from tests.motions import bundled
 
 
 @cache
-def mapped(name: str) -> SingularityMap:
+def mapped(name: str, resolution: float = 20.0) -> SingularityMap:
     problem = bundled(name)
-    return ff.singularity_map(problem.model, problem.task, np.radians(20.0))
+    return ff.singularity_map(problem.model, problem.task, np.radians(resolution))
 
 
 @pytest.mark.slow
@@ -80,3 +85,34 @@ def test_joints_are_chosen_by_name() -> None:
     for names in (["q3"], ["q3", "q3"], ["q3", "q9"]):
         with pytest.raises(ff.InputError):
             scenes.singularity_scene(found, joints=names)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "resolution"), [("planar_3dof/parabola", 1.0), ("spatial_6dof/line", 8.0)]
+)
+def test_curves_and_colours_agree_with_the_determinant(name: str, resolution: float) -> None:
+    problem, found = bundled(name), mapped(name, resolution)
+    measure = ff.singularity_measure(problem.model, problem.task, "system")
+    at = reference_configuration(found)
+    largest = abs(measure(at))
+    (figure,) = singularity_figures(found).values()
+    pairs = [(a, b) for a in found.joints for b in found.joints if a < b]
+    assert len(figure.axes) == len(pairs)
+    for axes, pair in zip(figure.axes, pairs, strict=True):
+
+        def determinant(degrees: np.ndarray, pair: tuple[int, int] = pair) -> float:
+            q = at.copy()
+            q[list(pair)] = np.radians(degrees)
+            return float(measure(q))
+
+        for path in axes.collections[0].get_paths():
+            vertices = path.vertices[:: max(1, len(path.vertices) // 50)]
+            assert max(map(abs, map(determinant, vertices))) < 1e-3 * largest
+        classes = np.asarray(axes.images[0].get_array())
+        rows, columns = np.random.default_rng(2).integers(0, len(classes), (2, 300))
+        for row, column in zip(rows, columns, strict=True):
+            centre = np.array([column, row]) + 0.5 - 180.0  # a cell has one degree
+            if classes[row, column] < 2:
+                assert np.sign(determinant(centre)) == (1.0, -1.0)[classes[row, column]]
+        assert axes.get_xlabel() == f"{found.model.joint_names[pair[0]]} [deg]"

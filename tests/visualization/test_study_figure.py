@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from freefloat.visualization.figures.study_figure import study_figure
+from freefloat.visualization.study_figure import study_figure
 
 TABLE = {
     "timing.duration": np.array([50.0, 60.0, 70.0]), "fixed": np.ones(3),

@@ -11,9 +11,8 @@ import pytest
 import trimesh
 
 import freefloat as ff
-from freefloat.robot.bundled import find_robot
+from freefloat.robot.bundled import examples_folder, find_robot
 from freefloat.robot.meshes import Mesh
-from freefloat.robot.robot_packages import examples_folder
 from freefloat.visualization.scenes.visuals import Visual, Visuals, robot_visuals
 from tests.robots import inertial_text, joint_text, link_text
 
@@ -117,8 +116,3 @@ def test_a_missing_mesh_is_reported_and_replaced(tmp_path: Path) -> None:
     for shapes in (f"<visual>{BOX}</visual>" + visual, f"<collision>{BOX}</collision>"):
         others = robot_visuals(ff.FreeFloatingModel.from_urdf(two_links(shapes)))
         assert isinstance(named(others, "arm").shape, ff.Box)
-
-
-def test_colours_of_the_urdf_stay() -> None:
-    shapes = robot_visuals(ff.load_scenario("emulator/line").problem().model).shapes
-    assert {shape.colour for shape in shapes} == {(0.25, 0.45, 0.7, 1.0), (0.75, 0.75, 0.78, 1.0)}

@@ -23,19 +23,19 @@ import yaml
 from freefloat.dynamics.summary import natural_task
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.errors import FreeFloatError
-from freefloat.io.records.results import load
+from freefloat.io.results import load
 from freefloat.io.scenario.scenario import load_scenario
 from freefloat.io.scenario.schema import ScenarioFile
 from freefloat.io.scenario.yaml import validated
 from freefloat.limits.pairs import CollisionPairs
 from freefloat.paths.samples import parse_samples, samples_text
 from freefloat.planning.simulation import Simulation
-from freefloat.robot.mesh_files import MeshFileError
 from freefloat.robot.meshes import read_mesh
 from freefloat.robot.model import FreeFloatingModel
+from freefloat.robot.robot_files import MeshFileError
 from freefloat.robot.validation import examine
 from freefloat.studies.loading import load_study
-from freefloat.studies.portable import study_files
+from freefloat.studies.workers import study_files
 from freefloat.verification.check import check
 from freefloat.visualization.scenes.visuals import robot_visuals
 from fuzzing import samples

@@ -16,7 +16,7 @@ from freefloat.cli.robots import FileOptions, Packages, Root, Xacro, robot_sourc
 from freefloat.errors import InputError
 
 if TYPE_CHECKING:
-    from freefloat.io.formats.urdf_file import UrdfFile
+    from freefloat.io.urdf_file import UrdfFile
     from freefloat.robot.parts import Mount, Spacecraft
 
 Numbers = Sequence[float]
@@ -67,8 +67,8 @@ def assemble(
 
     Example: freefloat assemble ur5_servicer/arc -o servicer.urdf
     """
-    from freefloat.io.formats.urdf_file import write_urdf
     from freefloat.io.scenario.scenario import load_robot
+    from freefloat.io.urdf_file import write_urdf
     from freefloat.robot.bundled import is_scenario
     from freefloat.robot.model import FreeFloatingModel
 

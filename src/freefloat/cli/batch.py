@@ -129,8 +129,8 @@ def batch(
 def _write_run(study: Study, number: int, file: Path, console: Console) -> None:
     """Execute one run of a study and write its result file."""
     from freefloat.studies.columns import finite
-    from freefloat.studies.portable import PortableStudy
     from freefloat.studies.run import execute
+    from freefloat.studies.workers import PortableStudy
 
     if number >= study.count:
         raise InputError("run", f"{number} was given", f"0 to {study.count - 1}, a run")

@@ -77,7 +77,7 @@ class Delivery:
         self.console.json(document)
 
     def _save(self, result: Any, output: Path) -> None:
-        from freefloat.io.records.results import save  # HDF5 is slow to import
+        from freefloat.io.results import save  # HDF5 is slow to import
 
         save(result, output)
         contact = getattr(result, "contact", None)
@@ -97,7 +97,7 @@ class Delivery:
     def _draw(self, result: Any, folder: Path) -> list[str]:
         """Draw the figures of a result into a folder; print and return their files."""
         from freefloat.visualization.figure_style import save_figures
-        from freefloat.visualization.figures.figures import figures
+        from freefloat.visualization.figures import figures
 
         with self.console.progress("drawing") as progress:
             files = save_figures(folder, figures(result, threads=self.threads, progress=progress))
@@ -121,7 +121,7 @@ def load_answer(file: Path) -> Answer:
     Raises:
         InputError: If the file holds a map, or an answer without any motion.
     """
-    from freefloat.io.records.results import load
+    from freefloat.io.results import load
 
     result: Any = load(file)
     if not hasattr(result, "phases"):

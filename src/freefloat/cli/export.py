@@ -15,8 +15,8 @@ from freefloat.cli.options import Json, MotionFile, Quiet, option, prepare_outpu
 from freefloat.errors import InputError
 
 if TYPE_CHECKING:
-    from freefloat.io.formats.export import Format
-    from freefloat.io.formats.trajectory import Header, Trajectory
+    from freefloat.io.export import Format
+    from freefloat.io.trajectory import Header, Trajectory
 
 _STDOUT = "-"
 
@@ -70,7 +70,7 @@ def export(
 
     Example: freefloat export plan.h5 --format ros2 --rate 20 -o trajectory.yaml
     """
-    from freefloat.io.formats.export import TEXTS, save_trajectory, trajectories
+    from freefloat.io.export import TEXTS, save_trajectory, trajectories
 
     if output == _STDOUT and as_json:
         raise InputError("output", "both -o - and --json were given", "one of the two")
@@ -100,8 +100,8 @@ def export(
 
 def _header(kind: Format, **given: str | None) -> Header:
     """What files of a format say about the spacecraft and its axes."""
-    from freefloat.io.formats.trajectory import HEADER
     from freefloat.io.scenario.yaml import file_keys
+    from freefloat.io.trajectory import HEADER
 
     values: dict[str, Any] = {key: text for key, text in given.items() if text is not None}
     for key, text in values.items():
@@ -148,7 +148,7 @@ def _format_and_file(
 ) -> tuple[Format, Path | None]:
     """The format, and the file; None for stdout."""
     from freefloat.errors import member
-    from freefloat.io.formats.export import SUFFIXES, TEXTS, Format
+    from freefloat.io.export import SUFFIXES, TEXTS, Format
 
     file = None if output in (None, _STDOUT) else Path(str(output))
     kind = Format.of(file) if name is None else member("format", Format, name)

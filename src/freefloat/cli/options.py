@@ -26,7 +26,7 @@ def _completion(*kinds: str, suffixes: tuple[str, ...] = ()) -> Callable[[str], 
 
     def complete(incomplete: str) -> list[str]:
         from freefloat.robot import bundled
-        from freefloat.robot.robot_packages import EXAMPLE, example_robots
+        from freefloat.robot.bundled import EXAMPLE, example_robots
 
         known = [name for kind in kinds for name in getattr(bundled, f"bundled_{kind}")()]
         if incomplete and "robots" in kinds:  # without a first letter they would be too many

@@ -140,7 +140,7 @@ def _limits_attitude(plan: Plan) -> bool:
 
 def _chosen_lines(plan: Plan, verbose: bool) -> Iterator[str]:
     """Deviation, tolerances, and with ``verbose`` what confirms them and what was not chosen."""
-    from freefloat.paths.time_laws import TimeLaw  # imports slowly
+    from freefloat.paths.timing import TimeLaw  # imports slowly
 
     if plan.stretch != 1.0:
         yield f"  Duration stretched by {plan.stretch:.6g} to {plan.problem.path.duration:.6g} s."

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from freefloat.robot.description import UrdfDiagnostic
     from freefloat.robot.model import FreeFloatingModel
     from freefloat.robot.not_read import NotRead
-    from freefloat.robot.source import RobotSource
+    from freefloat.robot.robot_files import RobotSource
 
 _SHOWN = 3
 """Links or joints that are named of those with the same problem."""
@@ -89,8 +89,8 @@ def load_robot(
     from freefloat.dynamics.summary import natural_task
     from freefloat.io.scenario.scenario import load_scenario
     from freefloat.robot import bundled
+    from freefloat.robot.bundled import DESCRIPTIONS, EXAMPLE
     from freefloat.robot.model import FreeFloatingModel
-    from freefloat.robot.robot_packages import DESCRIPTIONS, EXAMPLE
     from freefloat.robot.validation import examine
 
     if bundled.is_scenario(robot):
@@ -133,7 +133,7 @@ def robot_source(robot: str, options: FileOptions) -> RobotSource:
             xacro file is not ``NAME=VALUE`` or has two values.
     """
     from freefloat.robot.bundled import find_robot
-    from freefloat.robot.source import RobotSource
+    from freefloat.robot.robot_files import RobotSource
 
     folders = {}
     for text in options.package or ():

@@ -205,7 +205,7 @@ def _pixels(text: str | None) -> tuple[int, int] | None:
 
 def _playback(files: Sequence[Path]) -> Playback:
     """The playback of motions, which are shown together, or of one result of any kind."""
-    from freefloat.io.records.results import load
+    from freefloat.io.results import load
     from freefloat.visualization.page.playback import playback
 
     if len(files) == 1:
@@ -221,10 +221,10 @@ def _save_figures(
     files: Sequence[Path], folder: Path, threads: int | None, progress: Progress
 ) -> list[str]:
     """Draw the figures of files, and one that compares their motions; the names of all."""
-    from freefloat.io.records.results import load
+    from freefloat.io.results import load
+    from freefloat.visualization.comparison_figure import comparison_figure
     from freefloat.visualization.figure_style import save_figures
-    from freefloat.visualization.figures.comparison_figure import comparison_figure
-    from freefloat.visualization.figures.figures import figures
+    from freefloat.visualization.figures import figures
 
     written: list[Path] = []
     motions: dict[str, Motion] = {}

@@ -137,20 +137,24 @@ class VirtualManipulator:
             p = np.column_stack([p[:, :2], self.upright.kinematics(q)[0][:, 2]])
         return p, R @ self.tool, np.array(points), np.array(axes)
 
-    def velocities(self, joints: npt.ArrayLike) -> tuple[Array, Array]:
+    def velocities(self, joints: Array, placed: tuple[Array, ...]) -> tuple[Array, Array]:
         """Velocities of the end-effector and of its rotation per joint rate, spacecraft frame.
 
         Args:
             joints: Shape (K, n).
+            placed: Their :meth:`kinematics`.
 
         Returns:
             Shape (n, K, 3) each.
         """
-        p, _, points, axes = replace(self, upright=None).kinematics(joints)
+        p, _, points, axes = placed
+        if self.upright:
+            p = replace(self, upright=None).kinematics(joints)[0]
         prismatic, strokes = (values[:, None, None] for values in (self.prismatic, self.strokes))
         linear = np.where(prismatic, strokes * axes, np.cross(axes, p - points))
         if self.upright:
-            linear[..., 2] = self.upright.velocities(joints)[0][..., 2]
+            upright = self.upright.velocities(joints, self.upright.kinematics(joints))
+            linear[..., 2] = upright[0][..., 2]
         return linear, np.where(prismatic, 0.0, axes)
 
     def pose(self, joints: npt.ArrayLike) -> Pose:

@@ -10,6 +10,7 @@ minimum is still too near, a precise motion decides.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -24,14 +25,14 @@ from freefloat.ensemble.endings import (
     MOTION,
     NORMAL,
     SINGULAR,
+    STEP_TOLERANCE,
     STRICT,
+    UNREACHED,
 )
 from freefloat.ensemble.ensemble import EnsembleIntegrator
 from freefloat.ensemble.known_limits import KnownLimits, LimitValues
-from freefloat.ensemble.many_motions import ManyMotions
 from freefloat.ensemble.result import EnsembleResult
 from freefloat.ensemble.starts import starts_at
-from freefloat.ensemble.step_tolerances import STEP_TOLERANCE
 from freefloat.ensemble.systems import ScaledMotions
 from freefloat.errors import IntegrationError
 from freefloat.motion.extrema import closest_approach
@@ -39,7 +40,7 @@ from freefloat.motion.integration import integrate_motion
 from freefloat.motion.margin import keeps_threshold
 from freefloat.motion.motion import Ending
 from freefloat.motion.problem import Problem
-from freefloat.robot.joint_ranges import shifts_into_ranges
+from freefloat.robot.model import shifts_into_ranges
 from freefloat.so3 import Array, BoolArray, IntArray
 
 _TOLERANCES = {FINE: 1e-8, STRICT: 1e-10}
@@ -59,6 +60,91 @@ _FIRST_PASS = 0.8
 _CODES = {Ending.COMPLETED: COMPLETED, Ending.SINGULAR: SINGULAR}
 
 
+@dataclass(frozen=True, eq=False)
+class ManyMotions:
+    """Results of K motions.
+
+    Attributes:
+        attitudes: Initial attitudes, quaternions x, y, z, w, shape (K, 4).
+        joints: Initial joint values, revolute joints within their ranges along the motion where
+            possible [rad or m], NaN where no arm configuration reaches the start, shape (K, n).
+        branches: Numbers of the arm branches, -1 where none reaches the start, shape (K,).
+        endings: Codes of the endings, see :class:`.result.EnsembleResult`, shape (K,).
+        ended_at: Final times [s], shape (K,).
+        minimum_margins: Smallest magnitudes of the measure, zero where singular, shape (K,).
+        minimum_times: Their times [s], shape (K,).
+        thresholds: The margins that are required, shape (K,).
+        deciders: Indices into :data:`.endings.DECIDERS` of what decided, shape (K,).
+        lower: Smallest joint values at the integrator's steps, or along the whole motion where
+            limits were given, shape (K, n).
+        upper: Largest ones in the same way, shape (K, n).
+        final_attitudes: Attitudes at the ends of the motions, shape (K, 4).
+        rates: Largest magnitudes of the joint rates in the same way [rad/s or m/s], shape (K, n).
+        base_rates: Largest magnitudes of the spacecraft's angular velocity [rad/s], shape (K,).
+        turns: Largest angles of the spacecraft from its attitude at the start [rad], shape (K,);
+            NaN where no limits were given.
+        limits: The limits that were given.
+    """
+
+    attitudes: Array
+    joints: Array
+    branches: IntArray
+    endings: npt.NDArray[np.int8]
+    ended_at: Array
+    minimum_margins: Array
+    minimum_times: Array
+    thresholds: Array
+    deciders: npt.NDArray[np.int8]
+    lower: Array
+    upper: Array
+    final_attitudes: Array
+    rates: Array
+    base_rates: Array
+    turns: Array
+    limits: LimitValues
+
+    def __post_init__(self) -> None:
+        arrays = {key: value for key, value in vars(self).items() if key != "limits"}
+        for array in (*arrays.values(), *self.limits):
+            array.setflags(write=False)
+
+    def __repr__(self) -> str:
+        return f"ManyMotions({len(self)} motions, {np.count_nonzero(self.feasible)} feasible)"
+
+    def __len__(self) -> int:
+        return len(self.endings)
+
+    @property
+    def reached(self) -> BoolArray:
+        """Whether an arm configuration reaches the start of the path, shape (K,)."""
+        return np.asarray(self.endings != UNREACHED)
+
+    @property
+    def completed(self) -> BoolArray:
+        """Whether the motion reaches the end of the path, shape (K,)."""
+        return np.asarray(self.endings == COMPLETED)
+
+    @property
+    def singular(self) -> BoolArray:
+        """Whether the arm becomes singular, shape (K,)."""
+        return np.asarray(self.endings == SINGULAR)
+
+    @property
+    def failed(self) -> BoolArray:
+        """Whether the integration failed, so that there is no verdict, shape (K,)."""
+        return np.asarray(self.endings == FAILED)
+
+    @property
+    def feasible(self) -> BoolArray:
+        """Whether the motion completes and keeps the margin, shape (K,)."""
+        return self.completed & keeps_threshold(self.minimum_margins, self.thresholds)
+
+    @property
+    def feasible_fraction(self) -> float:
+        """Fraction of the motions that are feasible."""
+        return float(self.feasible.mean())
+
+
 def integrate_disturbed(
     disturbed: ScaledMotions,
     attitudes: Array,
@@ -72,16 +158,8 @@ def integrate_disturbed(
 ) -> ManyMotions:
     """Integrate the motions that stand for disturbed ones; arguments as of ``simulate_many``.
 
-    Args:
-        disturbed: The motions.
-        attitudes: Initial attitudes, unit quaternions x, y, z, w, shape (K, 4).
-        thresholds: Required margins, shape (K,).
-        branch: Number of the arm branch.
-        joints: Joint values near those of the arm branch, shape (n,) or (K, n).
-        threads: Number of threads.
-        progress: Called with the fraction done.
-        limits: Motions that keep these are preferred to others, as by simulate; those near the
-            bounds are integrated strictly, too.
+    Motions that keep ``limits`` are preferred to others, as by simulate; those near the bounds are
+    integrated strictly, too.
     """
     problem = disturbed.problem
     starts = starts_at(problem, attitudes, branch, joints, disturbed.systems)
@@ -101,7 +179,6 @@ def integrate_disturbed(
     found = chosen >= 0
 
     def of_chosen(values: npt.NDArray[Any], missing: float) -> Any:
-        """Values of the chosen motions, one for each attitude."""
         every = np.full((len(attitudes), *values.shape[1:]), missing, values.dtype)
         every[found] = values[chosen[found]]
         return every
@@ -163,14 +240,15 @@ def _decided(
     motions = EnsembleResult._make(values.copy() for values in first)
     nearly_singular = _PLANAR_RATIO if problem.task.planar else _SINGULAR_RATIO
     again = (motions.endings != COMPLETED) | (motions.determinant_ratios < nearly_singular)
-    again |= _is_near(motions.minimum, required, _UNDECIDED)
+    again |= np.abs(motions.minimum - required) < _UNDECIDED * required
     again |= unclear(motions, slice(None), NORMAL)
     deciders, chosen = np.full(len(joints), NORMAL, np.int8), np.flatnonzero(again)
     step = step_of(progress, _FIRST_PASS, 1.0)
     for decider in (STRICT,) if problem.task.planar or problem.redundant else (FINE, STRICT):
         finer = integrated(chosen, _TOLERANCES[decider], progress=step)
         doubtful = (finer.endings != motions.endings[chosen]) | (finer.endings == FAILED)
-        doubtful |= _is_near(finer.minimum, required[chosen], _STILL_UNDECIDED)
+        distances = np.abs(finer.minimum - required[chosen])
+        doubtful |= distances < _STILL_UNDECIDED * required[chosen]
         if decider == FINE:  # with exact numbers, fast ones may pass the singularity
             fast = finer.rates.max(axis=1) * problem.path.duration > _GRAZING_RATE
             doubtful |= (finer.endings == SINGULAR) & fast | unclear(finer, chosen, FINE)
@@ -184,10 +262,6 @@ def _decided(
     for unknown in (motions.rates, motions.base_rate, motions.slacks, motions.attitudes):
         unknown[replaced] = np.nan
     return motions, moments, deciders, replaced
-
-
-def _is_near(minimum: Array, required: Array, distance: float) -> BoolArray:
-    return np.asarray(np.abs(minimum - required) < distance * required)
 
 
 def _decide_precisely(

@@ -1,6 +1,8 @@
-"""Codes of the endings of compiled motions, and of what decided them."""
+"""Endings of compiled motions, what decided them, and the tolerances of their steps."""
 
 from __future__ import annotations
+
+from freefloat.motion.problem import Problem
 
 COMPLETED, SINGULAR, MARGIN, FAILED, LIMITED = 0, 1, 2, 3, 4
 """The path was followed; the arm became singular; the margin was used up; the steps were used up;
@@ -12,3 +14,12 @@ MAX_STEPS = 20_000
 NORMAL, FINE, STRICT, MOTION = range(4)
 DECIDERS = "ensemble", "ensemble at 1e-8", "ensemble at 1e-10", "motion"
 """What decided a motion: an ensemble, another one with that tolerance, or a precise motion."""
+STEP_TOLERANCE = 1e-6
+"""Relative and absolute tolerance of integration steps, by default."""
+_PLANAR_TOLERANCE = 1e-9
+"""Tolerance of planar tasks: limits of ranges are then exact to 1e-7 rad."""
+
+
+def step_tolerance(problem: Problem) -> float:
+    """Tolerance of integration steps at which minima are exact enough for verdicts."""
+    return _PLANAR_TOLERANCE if problem.task.planar else STEP_TOLERANCE

@@ -9,17 +9,22 @@ import numpy.typing as npt
 
 from freefloat.attitude_grids import attitude_grid
 from freefloat.concurrency import Progress, require_memory, run_chunks
-from freefloat.ensemble.endings import COMPLETED
+from freefloat.dynamics.virtual_manipulator import VirtualManipulator
+from freefloat.ensemble.endings import COMPLETED, STEP_TOLERANCE
 from freefloat.ensemble.integrators import Integrator, integrator_for
 from freefloat.ensemble.result import REGULAR_RATIO, BranchResults, EnsembleResult
-from freefloat.ensemble.step_tolerances import STEP_TOLERANCE
-from freefloat.ensemble.wrist_flips import WRIST_BODIES, flip_wrists, has_wrist_flipped_branches
-from freefloat.ik.branches import closed_form
+from freefloat.ik.branches import ClosedForm, closed_form
 from freefloat.motion.margin import keeps_threshold
 from freefloat.motion.pointing import AttitudeLimits
 from freefloat.motion.problem import Problem, require_problem
-from freefloat.so3 import Array, IntArray
+from freefloat.so3 import Array, BoolArray, IntArray
 
+_NEGLIGIBLE = 1e-7
+"""Fraction of the system's mass and inertia below which a body counts as massless."""
+_WRIST_BODIES = 4, 5
+"""The bodies that wrist-flipped branches place differently."""
+_FLIPPED_JOINT = 4
+"""The joint of a spherical wrist whose sign differs between wrist-flipped branches."""
 _REDUCTION = 4
 """Reduction of the number of attitudes in searches whose arm branches have no closed form."""
 _AMPLE = 1e9
@@ -67,7 +72,7 @@ class FeasibilityEvaluator:
             for number in (threads, 1)
         )
         bodies = [problem.model.link_places[limit.body][0] for limit in self.limits.pointing]
-        on_wrist = not set(bodies).isdisjoint(WRIST_BODIES)  # whose axes wrist flips move
+        on_wrist = not set(bodies).isdisjoint(_WRIST_BODIES)  # whose axes wrist flips move
         self.wrist_flipped = has_wrist_flipped_branches(problem) and not on_wrist
         exact = closed_form(problem.model_at(), problem.task)
         self.sample_reduction = 1 if exact else _REDUCTION
@@ -152,7 +157,7 @@ class FeasibilityEvaluator:
         table = EnsembleResult._make(values[rows, sources] for values in table)
         own = joints[rows, columns]
         if self.wrist_flipped:
-            flip_wrists(table, sources != columns, joints[rows, sources], own)
+            _flip_wrists(table, sources != columns, joints[rows, sources], own)
         return BranchResults(attitudes, own, table)
 
     def margins(self, attitudes: Array, branch: Branch) -> Array:
@@ -208,3 +213,48 @@ def regularity(motions: EnsembleResult, threshold: float) -> Array:
 def is_kept(values: Array) -> npt.NDArray[np.bool_]:
     """Which motions, by their :func:`regularity` (..., 2), keep the rule, shape (...)."""
     return keeps_threshold(values.min(axis=-1), 1.0)
+
+
+def has_wrist_flipped_branches(problem: Problem) -> bool:
+    """Whether branches that differ by the wrist flip alone have the same motion.
+
+    They do when adjacent wrist axes are perpendicular and the bodies between them are massless:
+    rotating the fourth and sixth joints by pi and reversing the fifth gives the same end-effector
+    pose and moves no mass. Branch 2 k + 1 is then the wrist-flipped branch of branch 2 k.
+    """
+    model = problem.model_at()
+    if closed_form(model, problem.task) is not ClosedForm.ELBOW_AND_WRIST:
+        return False
+    if problem.start_joints is not None:  # of two wrist-flipped branches one is considered
+        return False
+    h4, h5, h6 = VirtualManipulator.of(model).axes_at(np.zeros(6))[3:]
+    heaviest = max(np.abs(body.inertia).max() for body in model.bodies)
+    massless = all(
+        body.mass < _NEGLIGIBLE * model.total_mass
+        and np.abs(body.inertia).max() < _NEGLIGIBLE * heaviest
+        for body in model.bodies[4:6]
+    )
+    return massless and bool(max(abs(h4 @ h5), abs(h5 @ h6)) < _NEGLIGIBLE)
+
+
+def _flip_wrists(
+    table: EnsembleResult, derived: BoolArray, integrated: Array, flipped: Array
+) -> None:
+    """Replace results of branches 2 k by those of their wrist-flipped branches, in place.
+
+    Args:
+        table: Results, arrays of leading shape (K, B).
+        derived: Which are changed, shape (K, B).
+        integrated: Initial joint values of the integrated branches, shape (K, B, 6).
+        flipped: Those of the branches of the columns, shape (K, B, 6).
+    """
+    sign = np.ones(6)
+    sign[_FLIPPED_JOINT] = -1.0
+    start, offset = integrated[derived], flipped[derived]
+    final, low, high = (
+        offset + sign * (values[derived] - start)
+        for values in (table.joints, table.lower, table.upper)
+    )
+    table.joints[derived] = final
+    table.lower[derived], table.upper[derived] = np.minimum(low, high), np.maximum(low, high)
+    table.evaluations[derived] = 0

@@ -13,8 +13,7 @@ import numpy.typing as npt
 from freefloat.ensemble.result import EnsembleResult
 from freefloat.ensemble.systems import ScaledMotions
 from freefloat.motion.pointing import AttitudeLimits
-from freefloat.robot.joint_ranges import range_ratios, shifts_into_ranges
-from freefloat.robot.model import FreeFloatingModel
+from freefloat.robot.model import FreeFloatingModel, range_ratios, shifts_into_ranges
 from freefloat.so3 import Array, BoolArray, IntArray
 
 KNOWN = "joint_range", "joint_rate", "base_rate", "base_turn", "pointing"

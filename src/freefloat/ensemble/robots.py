@@ -19,7 +19,7 @@ from freefloat.dynamics.link_frames import (
     robot_properties,
 )
 from freefloat.dynamics.plane import Plane
-from freefloat.ik.vectors import dot
+from freefloat.ik.chain import dot
 from freefloat.motion.problem import Problem
 from freefloat.robot.description import IDENTITY
 from freefloat.robot.model import FreeFloatingModel

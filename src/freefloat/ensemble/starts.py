@@ -6,9 +6,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from freefloat.ensemble.feasibility import has_wrist_flipped_branches
 from freefloat.ensemble.robots import Robots
 from freefloat.ensemble.systems import Systems
-from freefloat.ensemble.wrist_flips import has_wrist_flipped_branches
 from freefloat.errors import InputError
 from freefloat.ik.chain import Chain
 from freefloat.ik.nearest import closest_branches

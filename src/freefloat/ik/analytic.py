@@ -13,9 +13,8 @@ import numpy as np
 from freefloat.attitude_grids import low_discrepancy
 from freefloat.dynamics.tasks import Task
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
-from freefloat.ik.chain import Chain
+from freefloat.ik.chain import Chain, cross, dot, norm, product, rotated, times
 from freefloat.ik.newton import Newton
-from freefloat.ik.vectors import cross, dot, norm, product, rotated, times
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array, axis_frame
 

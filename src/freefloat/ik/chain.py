@@ -1,4 +1,8 @@
-"""The virtual manipulator at zero joints, and the ranges of its joints."""
+"""The virtual manipulator at zero joints, the ranges of its joints, and vectors of many at once.
+
+Components of vectors are the first axis: a vector is an array (3, ...), a rotation (3, 3, ...). The
+other axes broadcast; a constant has length one along them.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +14,6 @@ import numpy as np
 import numpy.typing as npt
 
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
-from freefloat.ik.vectors import wrapped
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array
 
@@ -77,3 +80,42 @@ class Chain:
                 value = angles + tau * (cycles + rounding * np.sign(cycles))
                 shifted = np.where((lower <= value) & (value <= upper), value, shifted)
         return np.where(self.prismatic.reshape(shape), q, shifted)
+
+
+def dot(u: Array, v: Array) -> Array:
+    """The scalar product."""
+    x, y, z = u * v
+    return np.asarray(x + y + z)
+
+
+def cross(u: Array, v: Array) -> Array:
+    """The vector product."""
+    (a, b, c), (x, y, z) = u, v
+    return np.array([b * z - c * y, c * x - a * z, a * y - b * x])
+
+
+def norm(v: Array) -> Array:
+    """The length."""
+    return np.sqrt(dot(v, v))
+
+
+def times(R: Array, v: Array) -> Array:
+    """A rotated vector."""
+    return np.asarray(R[:, 0] * v[0] + R[:, 1] * v[1] + R[:, 2] * v[2])
+
+
+def product(R: Array, S: Array) -> Array:
+    """The rotation ``R S``."""
+    return np.asarray(R[:, 0, None] * S[0] + R[:, 1, None] * S[1] + R[:, 2, None] * S[2])
+
+
+def rotated(v: Array, axis: Array, angle: Array) -> Array:
+    """A vector rotated about a unit axis."""
+    cosine, sine = np.cos(angle), np.sin(angle)
+    along = (1.0 - cosine) * dot(axis, v)
+    return np.asarray(cosine * v + sine * cross(axis, v) + along * axis)
+
+
+def wrapped(angle: Array) -> Array:
+    """Angles wrapped into (-pi, pi]."""
+    return np.minimum(angle - tau * np.ceil((angle - np.pi) / tau), np.pi)

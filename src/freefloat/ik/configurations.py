@@ -16,11 +16,9 @@ import numpy as np
 from freefloat.attitude_grids import low_discrepancy
 from freefloat.dynamics.joint_space import joint_box
 from freefloat.dynamics.tasks import Task
-from freefloat.ik.chain import SAME, Chain
-from freefloat.ik.newton import Newton
+from freefloat.ik.chain import SAME, Chain, wrapped
+from freefloat.ik.newton import Newton, PoseTable, sampled_box
 from freefloat.ik.numbering import sorted_joints
-from freefloat.ik.pose_table import PoseTable, sampled_box
-from freefloat.ik.vectors import wrapped
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array, BoolArray, IntArray
 
@@ -138,8 +136,8 @@ def usable(arm: Chain | FreeFloatingModel, q: Array, most: int) -> Array:
 def _excess(arm: Chain | FreeFloatingModel, q: Array) -> Array:
     """Largest distance of joint values from their ranges, infinite for NaN, shape (B, K)."""
     lower, upper = (ends[:, None, None] for ends in arm.joint_ranges)
-    excess = np.maximum(np.maximum(lower - q, q - upper), 0.0).max(axis=0)
-    return np.where(np.isnan(excess), np.inf, excess)
+    excess = np.maximum(lower - q, q - upper).max(axis=0)
+    return np.where(np.isnan(excess), np.inf, np.maximum(excess, 0.0))
 
 
 def _move_inside(newton: Newton, positions: Array, rotations: Array, q: Array) -> None:

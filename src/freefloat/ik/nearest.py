@@ -10,8 +10,7 @@ from freefloat.dynamics.tasks import Task, prescribed_rows
 from freefloat.ik.branches import BranchSets, many_arm_branches
 from freefloat.ik.newton import CONVERGED, Newton
 from freefloat.ik.several_arms import several_arm_branches
-from freefloat.robot.joint_ranges import revolutions
-from freefloat.robot.model import FreeFloatingModel
+from freefloat.robot.model import FreeFloatingModel, revolutions
 from freefloat.so3 import Array
 
 _NEWTON_STEPS, _PATIENCE = 60, 6

@@ -10,16 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from freefloat.dynamics.kernels.kinematics import (
-    TIP,
-    TIP_X,
-    TIP_Y,
-    TIP_Z,
-    in_task,
-    path_origin,
-    place_arms,
-    write_columns,
-)
+from freefloat.dynamics.kernels.equation import in_task, write_columns
+from freefloat.dynamics.kernels.kinematics import TIP, TIP_X, TIP_Y, TIP_Z, path_origin, place_arms
 from freefloat.dynamics.kernels.robot import (
     S_COLUMNS,
     Robot,

@@ -7,8 +7,7 @@ import numpy.typing as npt
 
 from freefloat.dynamics.tasks import Task, task_rows
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
-from freefloat.ik.chain import Chain
-from freefloat.ik.vectors import cross, dot
+from freefloat.ik.chain import Chain, cross, dot
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array, IntArray
 
@@ -42,7 +41,7 @@ def numbered_branches(model: FreeFloatingModel, task: Task, q: Array) -> tuple[A
     if square:
         virtual = VirtualManipulator.of(model)
         placed = virtual.kinematics(q[:, exist].T)
-        velocities = virtual.velocities(q[:, exist].T)
+        velocities = virtual.velocities(q[:, exist].T, placed)
         negative = np.linalg.det(_jacobians(model, task, placed[1], *velocities)) < 0.0
         if len(q) == 6 and not virtual.prismatic.any():
             names[exist] = sign_patterns(*placed[2:], negative)

@@ -20,9 +20,8 @@ from freefloat.ik.analytic import (
     reach_term,
     required_rotation,
 )
-from freefloat.ik.chain import SAME, Chain
+from freefloat.ik.chain import SAME, Chain, cross, dot, norm, rotated, times, wrapped
 from freefloat.ik.newton import Newton
-from freefloat.ik.vectors import cross, dot, norm, rotated, times, wrapped
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array, BoolArray
 

@@ -21,10 +21,13 @@ def spread(prismatic: BoolArray, q: Array, closest: float, chosen: Array) -> Non
         chosen: Receives at most M configurations at each pose, shape (n, M, K).
     """
     n, count, poses = q.shape
-    distance = np.empty(count)
+    own = np.empty((n, count))  # the configurations at a pose, side by side
+    distance, largest, turns = np.empty(count), np.empty(count), 1.0 / tau
     for k in range(poses):
         for b in range(count):
             distance[b] = -1.0 if np.isnan(q[0, b, k]) else np.inf
+            for j in range(n):
+                own[j, b] = q[j, b, k]
         for column in range(min(chosen.shape[1], count)):
             farthest = 0
             for b in range(1, count):
@@ -32,13 +35,13 @@ def spread(prismatic: BoolArray, q: Array, closest: float, chosen: Array) -> Non
                     farthest = b
             if distance[farthest] < closest:
                 break
+            largest[:] = 0.0
             for j in range(n):
-                chosen[j, column, k] = q[j, farthest, k]
+                value, turn = own[j, farthest], 0.0 if prismatic[j] else tau
+                chosen[j, column, k] = value
+                for b in range(count):
+                    difference = own[j, b] - value
+                    difference -= turn * np.rint(difference * turns)
+                    largest[b] = max(largest[b], abs(difference))
             for b in range(count):
-                largest = 0.0
-                for j in range(n):
-                    difference = q[j, b, k] - q[j, farthest, k]
-                    if not prismatic[j]:
-                        difference -= tau * np.rint(difference / tau)
-                    largest = max(largest, abs(difference))
-                distance[b] = min(distance[b], largest)
+                distance[b] = min(distance[b], largest[b])

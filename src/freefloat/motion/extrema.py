@@ -18,7 +18,7 @@ from freefloat.dynamics.measures import SingularityMeasure
 from freefloat.errors import require_type
 from freefloat.motion.motion import Motion
 from freefloat.motion.panels import DEGREE, NODES, TO_COEFFICIENTS
-from freefloat.robot.joint_ranges import shifts_into_ranges
+from freefloat.robot.model import shifts_into_ranges
 from freefloat.so3 import Array, IntArray
 
 _GRID = chebyshev.chebvander(np.linspace(-1.0, 1.0, 33), DEGREE)

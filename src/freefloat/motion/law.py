@@ -20,8 +20,7 @@ from freefloat.errors import InputError
 from freefloat.motion.joint_curves import ArmCurves, JointSpline
 from freefloat.motion.problem import Problem
 from freefloat.motion.setting import JointSetting, Setting
-from freefloat.paths.time_laws import TimeLaw
-from freefloat.paths.timing import Timing
+from freefloat.paths.timing import TimeLaw, Timing
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array, IntArray, Pose, rotated_in_body
 

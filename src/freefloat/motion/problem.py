@@ -31,10 +31,9 @@ from freefloat.motion.problem_parts import (
 from freefloat.paths.curves import Curve
 from freefloat.paths.orientation import FreeOrientation
 from freefloat.paths.path import EndEffectorPath
-from freefloat.paths.path_stack import path_key
-from freefloat.paths.timed_path import TimedPath
+from freefloat.paths.timed_path import TimedPath, path_key
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.robot.source import RobotSource
+from freefloat.robot.robot_files import RobotSource
 from freefloat.scene.scene import Scene
 from freefloat.so3 import Array, IntArray, frozen, zeros
 
@@ -53,7 +52,7 @@ class Problem(BranchesOnPath):
     Attributes:
         model: Robot; also a URDF, as :meth:`.FreeFloatingModel.from_urdf` reads it, followed by the
             end-effector.
-        path: Pose of the end-effector by time; a :class:`~freefloat.paths.path_stack.PathStack`
+        path: Pose of the end-effector by time; a :class:`~freefloat.paths.timed_path.PathStack`
             where further arms follow paths of their own; also a path or curve with ``duration``
             [s], followed from rest to rest.
         task: Prescribed components of the end-effector twist, or its value, such as ``"pose"``; by

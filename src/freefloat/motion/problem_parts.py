@@ -18,8 +18,7 @@ from freefloat.motion.margin import Margin
 from freefloat.paths.curves import Curve
 from freefloat.paths.orientation import FreeOrientation
 from freefloat.paths.path import EndEffectorPath
-from freefloat.paths.path_stack import path_key
-from freefloat.paths.timed_path import TimedPath
+from freefloat.paths.timed_path import TimedPath, path_key
 from freefloat.paths.timing import Timing
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array

@@ -12,9 +12,8 @@ from freefloat.errors import InputError, require_type
 from freefloat.paths.curves import Curve
 from freefloat.paths.orientation import FreeOrientation, OrientationLaw
 from freefloat.paths.path import EndEffectorPath
-from freefloat.paths.time_laws import TimeLaw
 from freefloat.paths.timed_path import TimedPath
-from freefloat.paths.timing import Timing
+from freefloat.paths.timing import TimeLaw, Timing
 from freefloat.scene.scene_body import SceneBody
 from freefloat.scene.tumbling import Tumbling
 from freefloat.so3 import Array, cross, frozen, turned

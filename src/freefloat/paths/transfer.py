@@ -12,9 +12,8 @@ from freefloat.errors import number_array
 from freefloat.paths.curves import PolynomialCurve
 from freefloat.paths.orientation import OrientationLaw, exponential_rate
 from freefloat.paths.path import EndEffectorPath
-from freefloat.paths.time_laws import TimeLaw
 from freefloat.paths.timed_path import TimedPath
-from freefloat.paths.timing import Timing
+from freefloat.paths.timing import TimeLaw, Timing
 from freefloat.rotations import Rotation
 from freefloat.so3 import Array, Pose, attitude_axes, frozen
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from freefloat.planning.touching.touch_point import TouchKind
+from freefloat.planning.touch_point import TouchKind
 from freefloat.records import Quaternions
 from freefloat.so3 import angle_between, frozen
 

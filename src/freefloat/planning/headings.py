@@ -25,6 +25,7 @@ from freefloat.limits.check import attitude_limits
 from freefloat.limits.result import LimitResult
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.problem import Problem
+from freefloat.planning.line_search import LineSamples, resolved
 from freefloat.planning.motions import SimulatedBranch, evaluator_near
 from freefloat.planning.plan import Plan
 from freefloat.planning.plane.arcs import (
@@ -36,7 +37,6 @@ from freefloat.planning.plane.arcs import (
 )
 from freefloat.planning.plane.ranges import Segment, heading_ranges, limits_of_spans
 from freefloat.planning.plane.search import depth_of_start, searched_ranges
-from freefloat.planning.searches.line_search import LineSamples, resolved
 from freefloat.planning.settings import HEADINGS, Search, SearchDomain
 from freefloat.regions.planar_regions import has_two_angle_form
 from freefloat.so3 import Array, BoolArray, IntArray

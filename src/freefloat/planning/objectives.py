@@ -11,7 +11,7 @@ from freefloat.ensemble.result import EnsembleResult
 from freefloat.errors import InputError, did_you_mean, finite_number
 from freefloat.planning.candidates import Ball, Candidate, NearAttitude, WidestRange
 from freefloat.planning.objective import Choices, Comparison, Objective, Ranks
-from freefloat.planning.searches.pattern_search import depths
+from freefloat.planning.pattern_search import depths
 from freefloat.so3 import Array
 
 _SAME_ATTITUDE = 1e-9

@@ -13,8 +13,7 @@ from freefloat.motion.problem import Problem, require_problem
 from freefloat.planning.path_planner import plan_path, stretched_plan
 from freefloat.planning.plan import Plan
 from freefloat.planning.settings import Search
-from freefloat.planning.timing.agreement import NARROWER, at_first_guess
-from freefloat.planning.timing.retiming import retime
+from freefloat.planning.timing.retiming import NARROWER, at_first_guess, retime
 from freefloat.planning.timing.speed_profile import require_considered
 
 

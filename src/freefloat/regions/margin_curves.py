@@ -19,11 +19,11 @@ from freefloat.dynamics.tasks import Task
 from freefloat.errors import InputError
 from freefloat.motion.problem import Problem
 from freefloat.motion.setting import Setting
-from freefloat.regions.elbow_arm import elbow_arm
 from freefloat.regions.planar_regions import (
     Complex,
     Interval,
     PlanarArm,
+    elbow_arm,
     has_two_angle_form,
     point_3,
 )

@@ -15,13 +15,11 @@ from lxml import etree
 
 from freefloat.errors import InputError, ModelError, did_you_mean, require_type
 from freefloat.robot.description import RobotDescription, rpy_rotation
-from freefloat.robot.mesh_files import MeshFileError, find_mesh
 from freefloat.robot.not_read import shown_tag
 from freefloat.robot.parts import Attachment, Mount, Payload, Spacecraft
-from freefloat.robot.source import RobotSource
+from freefloat.robot.robot_files import MeshFileError, RobotSource, find_mesh
 from freefloat.robot.urdf import MOMENTS, decode, rename_meshes, revised
-from freefloat.robot.urdf_attributes import MAGNITUDE, require_version, text_of
-from freefloat.robot.urdf_text import Element
+from freefloat.robot.urdf_xml import MAGNITUDE, Element, require_version, text_of
 from freefloat.robot.validation import part_warnings, read_urdf
 from freefloat.so3 import Array, Pose
 

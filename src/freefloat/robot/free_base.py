@@ -11,7 +11,7 @@ from lxml import etree
 from freefloat.robot.base import Base
 from freefloat.robot.description import IDENTITY, Joint, RobotDescription, Severity
 from freefloat.robot.not_read import NotRead
-from freefloat.robot.urdf_text import Element
+from freefloat.robot.urdf_xml import Element
 from freefloat.rotations import Rotation
 from freefloat.so3 import Array, Pose
 

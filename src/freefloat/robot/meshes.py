@@ -16,7 +16,7 @@ import trimesh
 from lxml import etree
 
 from freefloat.robot.description import Colour
-from freefloat.robot.mesh_files import MeshFileError
+from freefloat.robot.robot_files import MeshFileError
 from freefloat.robot.shapes import Capsule
 from freefloat.so3 import Array, IntArray, frozen
 

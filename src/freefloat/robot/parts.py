@@ -14,7 +14,7 @@ from freefloat.errors import InputError, finite_number, finite_vector, number_ar
 from freefloat.robot.bundled import is_file
 from freefloat.robot.description import rpy_rotation
 from freefloat.robot.plausibility import breaks_triangle
-from freefloat.robot.source import RobotSource
+from freefloat.robot.robot_files import RobotSource
 from freefloat.so3 import Array, Pose, frozen, zeros
 
 INERTIA = (

@@ -15,8 +15,7 @@ from freefloat.errors import ModelError, did_you_mean, require_type
 from freefloat.robot.base import Base
 from freefloat.robot.description import RobotDescription
 from freefloat.robot.urdf import MOMENTS, UNLIMITED
-from freefloat.robot.urdf_attributes import require_version, text_of
-from freefloat.robot.urdf_text import Element
+from freefloat.robot.urdf_xml import Element, require_version, text_of
 from freefloat.robot.validation import read_urdf
 
 _ROOTS = {"JointModelFreeFlyer": Base.FREE, "JointModelPlanar": Base.PLANAR}

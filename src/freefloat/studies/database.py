@@ -40,9 +40,9 @@ from freefloat.studies.integrity import (
     require_whole,
     rows_of_study,
 )
-from freefloat.studies.portable import Files
 from freefloat.studies.rows import StudyRows, database_errors, quoted
 from freefloat.studies.study import Study
+from freefloat.studies.workers import Files
 
 _SOFTWARE = ("freefloat", "pin", "numpy", "scipy", "numba")
 _FORMAT = 4

@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 
 from freefloat.concurrency import available_cores
+from freefloat.ensemble.disturbed_motions import ManyMotions
 from freefloat.ensemble.endings import DECIDERS
-from freefloat.ensemble.many_motions import ManyMotions
 from freefloat.kinds import STUDY_COMMANDS, named
 from freefloat.motion.motion import Ending
-from freefloat.robot.joint_ranges import range_ratios
+from freefloat.robot.model import range_ratios
 from freefloat.so3 import Array, IntArray
 from freefloat.studies.columns import (
     FEASIBLE,
@@ -32,8 +32,8 @@ from freefloat.studies.columns import (
 )
 from freefloat.studies.disturbances import NO_ROWS, Chunk, group_numbers
 from freefloat.studies.groups import Group, grouped
-from freefloat.studies.portable import PortableStudy
 from freefloat.studies.study import Study
+from freefloat.studies.workers import PortableStudy
 
 CHUNK = 4096
 """Runs that are integrated and stored together."""
@@ -93,9 +93,12 @@ def _columns(group: Group, motions: ManyMotions, decided: IntArray) -> dict[str,
     feasible = group.are_feasible(motions)[decided]
     reasons = np.where(completed, MARGIN_REASON, Ending.SINGULAR.value)
     ratios = np.where(completed[:, None], motions.limits.ratios[decided], np.nan)
-    violated = (compress(group.limit_names, row) for row in (ratios > 1.0).tolist())
-    limits = [LIMITS_REASON.format(", ".join(names)) for names in violated]
-    reasons = np.where(margin_kept, limits, reasons)
+    violated = ratios > 1.0
+    codes = violated @ (1 << np.arange(len(group.limit_names)))
+    _, first, which = np.unique(codes, return_index=True, return_inverse=True)
+    sets = (compress(group.limit_names, row) for row in violated[first].tolist())
+    limits = np.array([LIMITS_REASON.format(", ".join(names)) for names in sets])
+    reasons = np.where(margin_kept, limits[which], reasons)
     attitudes, joints = motions.attitudes[decided], motions.joints[decided]
     columns: dict[str, Column] = {
         "verdict": np.where(feasible, FEASIBLE, INFEASIBLE),

@@ -16,11 +16,11 @@ from freefloat.studies.columns import ERROR, NUMBER, Columns, finite
 from freefloat.studies.database import open_results
 from freefloat.studies.disturbances import FEWEST, Chunk, group_numbers, why_alone
 from freefloat.studies.folder import DATABASE
-from freefloat.studies.portable import PortableStudy, study_files
 from freefloat.studies.run import RunResult, execute
 from freefloat.studies.runner import has_undisturbed_file
 from freefloat.studies.study import Study
 from freefloat.studies.study_file import Command
+from freefloat.studies.workers import PortableStudy, study_files
 
 _FEW = 16
 """Runs that are timed side by side at first."""

@@ -9,9 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from freefloat.ensemble.disturbed_motions import integrate_disturbed
+from freefloat.ensemble.disturbed_motions import ManyMotions, integrate_disturbed
 from freefloat.ensemble.known_limits import KNOWN, KnownLimits, LimitValues
-from freefloat.ensemble.many_motions import ManyMotions
 from freefloat.ensemble.systems import ScaledMotions, equivalents
 from freefloat.errors import FreeFloatError
 from freefloat.io.scenario.path_schema import FrameName

@@ -48,7 +48,7 @@ def save_report(result: StudyResult, progress: Progress = lambda done: None) -> 
         InputError: If they cannot be written.
     """
     from freefloat.visualization.figure_style import save_figures
-    from freefloat.visualization.figures.study_figure import study_figure
+    from freefloat.visualization.study_figure import study_figure
 
     rows = result.rows
     parameters = {name: heading(name) for name in rows.parameters}

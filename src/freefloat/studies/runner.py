@@ -21,12 +21,11 @@ from freefloat.studies.columns import NUMBER, VERDICTS, Column, Columns
 from freefloat.studies.database import StudyDatabase, open_results
 from freefloat.studies.disturbances import group_numbers
 from freefloat.studies.folder import DATABASE
-from freefloat.studies.portable import PortableStudy, study_files
-from freefloat.studies.process_pool import completed_in_pool
 from freefloat.studies.results import StudyResult
 from freefloat.studies.rows import StudyRows, save_tables
 from freefloat.studies.study import UNDISTURBED, Study
 from freefloat.studies.study_file import START_KEYS, Command
+from freefloat.studies.workers import PortableStudy, completed_in_pool, study_files
 
 if TYPE_CHECKING:
     from freefloat.studies.run import RunResult

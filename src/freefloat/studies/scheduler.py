@@ -19,7 +19,7 @@ from freefloat.errors import InputError
 from freefloat.studies.columns import Columns
 from freefloat.studies.disturbances import Chunk
 from freefloat.studies.ensembles import computed
-from freefloat.studies.portable import PortableStudy
+from freefloat.studies.workers import PortableStudy
 
 _TIMEOUT = 10.0
 """Time to wait for a scheduler and its first worker [s]."""

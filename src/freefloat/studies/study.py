@@ -15,9 +15,9 @@ from freefloat.io.scenario.robot_section import RobotFile
 from freefloat.io.scenario.scenario import Scenario
 from freefloat.io.scenario.yaml import file_keys, validated
 from freefloat.limits.kinds.clearance import have_shapes
-from freefloat.limits.values import OFF
+from freefloat.limits.limit import OFF
 from freefloat.motion.problem import Problem
-from freefloat.paths.time_laws import TimeLaw
+from freefloat.paths.timing import TimeLaw
 from freefloat.planning.settings import Search
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array

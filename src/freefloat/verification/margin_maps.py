@@ -11,7 +11,7 @@ import numpy as np
 from freefloat.ensemble.endings import SINGULAR
 from freefloat.ensemble.result import BranchResults, EnsembleResult
 from freefloat.errors import InputError
-from freefloat.paths.time_laws import TimeLaw
+from freefloat.paths.timing import TimeLaw
 from freefloat.planning.candidates import Peak
 from freefloat.planning.margin_map import HeadingMap
 from freefloat.planning.motions import evaluator_for

@@ -8,9 +8,9 @@ from typing import Any
 
 from freefloat.certificate.certificate import certify
 from freefloat.limits.check import LimitChecker, deepest_contact
+from freefloat.limits.limit import OFF
 from freefloat.limits.limits import Limits
 from freefloat.limits.result import LimitResult
-from freefloat.limits.values import OFF
 from freefloat.motion.motion import Motion
 from freefloat.planning.motions import SimulatedBranch
 from freefloat.planning.plan import Plan

@@ -17,20 +17,20 @@ from freefloat.limits.check import attitude_limits
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.pointing import AttitudeLimits
 from freefloat.motion.problem import Problem
-from freefloat.paths.time_laws import TimeLaw
+from freefloat.paths.timing import TimeLaw
 from freefloat.planning.candidates import Candidate, SearchEffort, Tolerance
 from freefloat.planning.headings import heading_depth, ranges_containing
 from freefloat.planning.motions import SimulatedBranch, evaluator_for, evaluator_near
 from freefloat.planning.path_planner import plan_attitude
 from freefloat.planning.plan import Plan
 from freefloat.planning.plane.arcs import BranchRanges
-from freefloat.planning.plane.continuation import keeps_from_nearby
-from freefloat.planning.searches.adversary import violations
+from freefloat.planning.plane.search import continued_motions
 from freefloat.planning.settings import PLAN_ATTITUDES
+from freefloat.planning.space.adversary import violations
 from freefloat.planning.space.deviations import LONGEST, NearbyAttitudes, radius_around, tolerance
 from freefloat.planning.space.mapping import sample_attitudes
 from freefloat.records import Known
-from freefloat.so3 import Array
+from freefloat.so3 import Array, BoolArray, rotated
 from freefloat.verification.comparisons import Check
 from freefloat.verification.margin_maps import known_samples
 
@@ -53,6 +53,8 @@ _EXACT, _APART, _CAUTIOUS = 1e-6, 1.5, 2.0
 of larger stated ones and of smaller ones: of these adversarial searches alone decide."""
 _INSIDE = 0.999
 """Tolerances are tested slightly inside their ends."""
+_NEARBY = np.geomspace(1e-4, 0.25, 40)
+"""Angles to the attitudes nearby whose configurations are tried [rad]."""
 
 
 def known_robustness(plan: Plan) -> dict[str, Any]:
@@ -179,7 +181,7 @@ def _is_feasible(evaluator: FeasibilityEvaluator, heading: float, branch: int) -
     """
     problem = evaluator.problem
     attitude = problem.plane.attitudes(heading)
-    if problem.redundant and keeps_from_nearby(evaluator, attitude).any():
+    if problem.redundant and _keeps_from_nearby(evaluator, attitude).any():
         return True  # decided in a hundredth of the time
     return any(
         _keeps_margin(problem, evaluator.limits, attitude, start.joints)
@@ -203,7 +205,7 @@ def _ball_check(evaluator: FeasibilityEvaluator, plan: Plan, chosen: SimulatedBr
     around = NearbyAttitudes.of(evaluator, [Candidate(chosen.motion.initial.attitude, branch)])
     outside = violations(around.regularity, min(radius, np.pi), _EFFORT, _SEED)
     attitudes, _ = around.rotated(outside, np.zeros(len(outside), np.int64))
-    failed = sum(not (redundant and keeps_from_nearby(evaluator, a).any()) for a in attitudes)
+    failed = sum(not (redundant and _keeps_from_nearby(evaluator, a).any()) for a in attitudes)
     words = (
         f"{_EFFORT.samples} attitudes within {np.degrees(radius):.4g} deg, and {_EFFORT.descents} "
         f"descents from the worst of them: {failed} infeasible"
@@ -262,3 +264,20 @@ def _tolerance_check(
             return Check("tolerance", False, words, value, unit=unit)
     words = f"{_DIRECTIONS} momenta tested, {len(worst)} of them precisely, and durations"
     return Check("tolerance", True, words, stated.momentum, unit="N m s")
+
+
+def _keeps_from_nearby(evaluator: FeasibilityEvaluator, attitude: Array) -> BoolArray:
+    """Which configurations near those tried at attitudes nearby keep the margin, shape (M,).
+
+    For attitudes (4,) at which none of those tried there does.
+    """
+    if evaluator.problem.has_headings:
+        angles = np.concatenate([_NEARBY, -_NEARBY])
+        nearby = rotated(attitude, angles[:, None] * evaluator.problem.plane.normal)
+    else:
+        axes = np.concatenate([np.eye(3), -np.eye(3)])
+        nearby = rotated(attitude, np.multiply.outer(_NEARBY, axes).reshape(-1, 3))
+    branches = evaluator.problem.many_branches(nearby)
+    joints = branches.joints[branches.exist]
+    _, motions = continued_motions(evaluator, np.tile(attitude, (len(joints), 1)), joints)
+    return motions.keeps(evaluator.problem.margin.threshold)

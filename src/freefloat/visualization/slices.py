@@ -8,18 +8,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
 from freefloat.concurrency import Progress
+from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.planning.space.attitude_map import AttitudeMap
 from freefloat.rotations import Rotation
 from freefloat.so3 import Array, frozen
-
-if TYPE_CHECKING:  # compiled kernels are slow to import
-    from freefloat.ensemble.feasibility import FeasibilityEvaluator
 
 _ACROSS = ((1, 2), (0, 2), (0, 1))
 """Horizontal and vertical component of planes normal to x, y, z."""

@@ -20,11 +20,10 @@ from freefloat.planning.simulation import Simulation
 from freefloat.so3 import IntArray
 from freefloat.studies.columns import FEASIBLE, INFEASIBLE, MARGIN_REASON, NUMBER, Columns, finite
 from freefloat.studies.disturbances import NO_ROWS, Chunk
-from freefloat.studies.portable import PortableStudy
-from freefloat.studies.record_values import motion_values, record_values
-from freefloat.studies.run import computed_record
+from freefloat.studies.run import computed_record, motion_values, record_values
 from freefloat.studies.study import Study
 from freefloat.studies.study_file import Command
+from freefloat.studies.workers import PortableStudy
 
 _FEWEST, _CHUNK = 8, 256
 """Smallest and largest number of runs that are simulated together."""

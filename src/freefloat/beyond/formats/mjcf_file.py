@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from freefloat.errors import InputError
-from freefloat.io.formats.trajectory import Trajectory
+from freefloat.io.trajectory import Trajectory
 from freefloat.robot.description import LinkShape
-from freefloat.robot.mesh_files import MeshFileError, find_mesh
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.rigid_bodies import Body
+from freefloat.robot.robot_files import MeshFileError, find_mesh
 from freefloat.robot.shapes import Box, Capsule, Cylinder, MeshFile, Sphere
 from freefloat.rotations import Rotation, rotation_matrix
 from freefloat.so3 import Array, Pose

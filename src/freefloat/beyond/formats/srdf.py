@@ -9,7 +9,7 @@ from lxml import etree
 from freefloat.errors import ModelError, did_you_mean
 from freefloat.robot.not_read import NotRead, shown_tag
 from freefloat.robot.reader_process import UrdfText
-from freefloat.robot.urdf_text import PAIR, Element, root_element
+from freefloat.robot.urdf_xml import PAIR, Element, root_element
 
 _ENDS = "link1", "link2"
 _MEANINGS = {

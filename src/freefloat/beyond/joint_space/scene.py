@@ -13,7 +13,7 @@ import numpy.typing as npt
 from contourpy import contour_generator
 from matplotlib.colors import to_hex
 
-from freefloat.beyond.joint_space.joint_sections import (
+from freefloat.beyond.joint_space.figures import (
     JointSection,
     influential_joints,
     joint_unit,

@@ -11,19 +11,15 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from freefloat.beyond.missions.goals.goal_motion import GoalMotion
-from freefloat.beyond.missions.phases.manoeuvre import Manoeuvre
+from freefloat.beyond.missions.manoeuvre import Manoeuvre
 from freefloat.concurrency import Progress
 from freefloat.errors import InputError
 from freefloat.motion.motion import Motion
 from freefloat.planning.answer import PhaseResult, violation_of
 from freefloat.so3 import Array, angle_between
 from freefloat.visualization import figure_style as style
-from freefloat.visualization.figures.figures import (
-    angle_figures,
-    drawn_motion_figures,
-    plan_figures,
-)
-from freefloat.visualization.figures.motion_figures import joint_scale, limited_angles, shown_times
+from freefloat.visualization.figures import angle_figures, drawn_motion_figures, plan_figures
+from freefloat.visualization.motion_figures import joint_scale, limited_angles, shown_times
 from freefloat.visualization.scenes.scene import Place, motion_scene
 from freefloat.visualization.scenes.scene_builder import PageScene
 

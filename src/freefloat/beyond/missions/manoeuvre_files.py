@@ -1,4 +1,4 @@
-"""Motions to goals and manoeuvres of files, which hold the scenario with the goal or the phases.
+"""Motions to goals and manoeuvres in files, with the scenario that asks for them, and in studies.
 
 The setting of each phase follows from the state at its beginning.
 """
@@ -8,14 +8,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Any, cast
 
+from freefloat.beyond.missions.capture_phase import PlannedCapture
+from freefloat.beyond.missions.goal_phase import GoalPhase
 from freefloat.beyond.missions.goals.goal import Goal
 from freefloat.beyond.missions.goals.goal_motion import GoalMotion, earlier
+from freefloat.beyond.missions.manoeuvre import Manoeuvre, Phase
 from freefloat.beyond.missions.phase_section import phases_content
-from freefloat.beyond.missions.phases.kinds.capture_phase import PlannedCapture
-from freefloat.beyond.missions.phases.kinds.goal_phase import GoalPhase
-from freefloat.beyond.missions.phases.manoeuvre import Manoeuvre
-from freefloat.beyond.missions.phases.phase import Phase
-from freefloat.beyond.missions.phases.state import SystemState
+from freefloat.beyond.missions.state import SystemState
 from freefloat.codec import Codec
 from freefloat.io.scenario.scenario import Scenario
 from freefloat.io.scenario.writing import scenario_of, written_scenario
@@ -27,7 +26,20 @@ from freefloat.planning.plan import Plan
 from freefloat.planning.settings import Search
 from freefloat.records import Tree
 from freefloat.robot.model import FreeFloatingModel
+from freefloat.studies.run import (
+    attitude_values,
+    family,
+    limit_values,
+    margin_values,
+    plan_values,
+    verdict_values,
+)
 from freefloat.verification import leaves
+
+CODEC = Codec(
+    (*leaves.CODEC.context, tuple[Phase, ...]), {Finding: (Plan, GoalMotion, PlannedCapture)}
+)
+"""Codec of manoeuvres: their phases are stored in the text of the scenario, too."""
 
 
 def goal_scenario(result: GoalMotion) -> Scenario:
@@ -90,12 +102,6 @@ def manoeuvre_scenario(manoeuvre: Manoeuvre) -> Scenario:
     return scenario_of(manoeuvre.problem, manoeuvre.search, manoeuvre.limits, sections, samples)
 
 
-CODEC = Codec(
-    (*leaves.CODEC.context, tuple[Phase, ...]), {Finding: (Plan, GoalMotion, PlannedCapture)}
-)
-"""Codec of manoeuvres: their phases are stored in the text of the scenario, too."""
-
-
 def decode_manoeuvre(tree: Tree, scenario: Scenario) -> Manoeuvre:
     """The manoeuvre of a scenario.
 
@@ -153,3 +159,25 @@ def _decoded(
         FreeFloatingModel: setting.model, Limits: limits, Search: search or Search(),
     }  # fmt: skip
     return CODEC.decode(PhaseResult, tree, context)
+
+
+def goal_values(found: GoalMotion) -> dict[str, Any]:
+    """The values of a motion to a goal."""
+    values = verdict_values(found)
+    values |= {"completed": found.motion is not None, "duration": found.duration}
+    if found.motion is not None:
+        first = found.motion.initial
+        values |= attitude_values(first.attitude.tolist())
+        values |= family("joints", dict(enumerate(first.joints.tolist())))
+    return values | limit_values(found.limit_results)
+
+
+def manoeuvre_values(manoeuvre: Manoeuvre) -> dict[str, Any]:
+    """The values of a manoeuvre: limits and margin of all phases, others of its first path."""
+    duration = manoeuvre.duration if manoeuvre.feasible else None
+    limits = limit_values([result for _, result in manoeuvre.worst_results])
+    paths = [(phase.chosen, phase.start) for phase in manoeuvre.phases]
+    margins = [margin_values(chosen, start) for chosen, start in paths if chosen is not None]
+    smallest = min(margins, key=lambda values: values["margin"], default={})
+    first = plan_values(manoeuvre.path)
+    return first | smallest | verdict_values(manoeuvre) | {"duration": duration} | limits

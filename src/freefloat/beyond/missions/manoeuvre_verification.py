@@ -10,13 +10,12 @@ import numpy as np
 import scipy
 
 from freefloat.beyond.missions.capture import Capture
+from freefloat.beyond.missions.capture_phase import CapturePhase
+from freefloat.beyond.missions.goal_phase import GoalPhase
 from freefloat.beyond.missions.goals.goal_motion import GoalMotion
-from freefloat.beyond.missions.phases.kinds.capture_phase import CapturePhase
-from freefloat.beyond.missions.phases.kinds.goal_phase import GoalPhase
-from freefloat.beyond.missions.phases.kinds.path_phase import JUMP, PathPhase
-from freefloat.beyond.missions.phases.manoeuvre import Manoeuvre
-from freefloat.beyond.missions.phases.phase import PATH, REORIENTATION
-from freefloat.beyond.missions.phases.state import SystemState
+from freefloat.beyond.missions.manoeuvre import PATH, REORIENTATION, Manoeuvre
+from freefloat.beyond.missions.path_phase import JUMP, PathPhase
+from freefloat.beyond.missions.state import SystemState
 from freefloat.dynamics.momentum import conserved, momentum_map
 from freefloat.limits.check import LimitChecker
 from freefloat.limits.limits import Limits

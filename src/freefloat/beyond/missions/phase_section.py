@@ -9,12 +9,12 @@ from typing import Any, Literal, cast
 import numpy as np
 from pydantic import model_validator
 
+from freefloat.beyond.missions.capture_phase import CapturePhase
+from freefloat.beyond.missions.goal_phase import GoalPhase
 from freefloat.beyond.missions.goals.goal import Goal, require_inside
-from freefloat.beyond.missions.phases.kinds.capture_phase import CapturePhase
-from freefloat.beyond.missions.phases.kinds.goal_phase import GoalPhase
-from freefloat.beyond.missions.phases.kinds.path_phase import PathPhase
-from freefloat.beyond.missions.phases.phase import Phase
-from freefloat.beyond.missions.phases.state import keys_within
+from freefloat.beyond.missions.manoeuvre import Phase
+from freefloat.beyond.missions.path_phase import PathPhase
+from freefloat.beyond.missions.state import keys_within
 from freefloat.dynamics.tasks import Task
 from freefloat.errors import InputError
 from freefloat.io.scenario.field_types import (

@@ -16,7 +16,7 @@ from freefloat.cli.motion_lines import attitude_text, contact_lines, limit_lines
 if TYPE_CHECKING:
     from freefloat.beyond.missions.capture import Capture
     from freefloat.beyond.missions.goals.goal_motion import GoalMotion
-    from freefloat.beyond.missions.phases.manoeuvre import Manoeuvre
+    from freefloat.beyond.missions.manoeuvre import Manoeuvre
     from freefloat.limits.result import LimitResult
     from freefloat.planning.answer import PhaseResult
 

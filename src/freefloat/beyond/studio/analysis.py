@@ -7,11 +7,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from freefloat.beyond.studio.answers import motion_answer, place, playback_of
 from freefloat.beyond.studio.messages import WorkerAnswer, WorkerState
-from freefloat.beyond.studio.motions import motion_answer, place, playback_of
 from freefloat.concurrency import Progress
 from freefloat.dynamics.joint_space import largest_measure
-from freefloat.io.records.results import save
+from freefloat.io.results import save
 from freefloat.io.scenario.scenario import Scenario
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem

@@ -24,7 +24,7 @@ from freefloat.beyond.studio.messages import (
     page_text,
     parse_message,
 )
-from freefloat.beyond.studio.process import WorkerProcess
+from freefloat.beyond.studio.worker import WorkerProcess
 from freefloat.errors import FreeFloatError, InputError
 from freefloat.io.scenario.scenario import Scenario, load_scenario
 from freefloat.io.scenario.yaml import parse_yaml

@@ -18,18 +18,20 @@ from freefloat.dynamics.kernels.inertia import Inertia, inverse, times
 from freefloat.dynamics.kernels.kinematics import (
     ANGULAR,
     AXIS,
+    LINEAR,
+    POINT,
     TIP,
+    TIP_X,
+    TIP_Y,
     TURN,
-    in_task,
     place_arms,
-    write_columns,
 )
 from freefloat.dynamics.kernels.robot import PRISMATIC, Robot, Solver, joints_of
 from freefloat.lockstep.compilation import inlined, inner
 from freefloat.lockstep.lanes import Float
 from freefloat.lockstep.reflections import factorize, solve_least_norm
 from freefloat.lockstep.tables import Table, get_vector, set_vector
-from freefloat.lockstep.vectors import Vector, components, cross, vector
+from freefloat.lockstep.vectors import Vector, components, cross, dot, vector
 
 
 @inner
@@ -112,3 +114,68 @@ def spacecraft_rate(robot: Robot, drift: Vector, work: Solver) -> Vector:
     for j in range(robot.n):
         drift = drift + get_vector(work.momenta, j, TURN) * work.rates[j]
     return drift
+
+
+@inlined
+def rigid_velocity(robot: Robot, j: int, share: Float, work: Solver) -> Vector:
+    """Velocity at the centre of mass of the bodies beyond joint j, per rate of that joint.
+
+    Args:
+        robot: Data of the robot.
+        j: Number of the joint.
+        share: One over the mass.
+        work: Solver, with the link frames.
+    """
+    w = work.momenta
+    v = get_vector(w, j, LINEAR) * share
+    if not robot.on_table:
+        return v
+    lift = get_vector(w, j, AXIS)
+    if robot.joints[j, PRISMATIC] == 0.0:
+        lift = cross(lift, get_vector(work.centre, 0, 0) - get_vector(w, j, POINT))
+    x, y, _ = components(v)
+    _, _, z = components(lift)  # while the spacecraft keeps its height
+    return vector(x, y, z)
+
+
+@inlined
+def in_task(robot: Robot, e: int, omega: Vector, work: Solver) -> Vector:
+    """The components of an angular velocity from which the task of an arm takes its rows.
+
+    Those of ``pointing`` are along the x and y axes of the end-effector.
+    """
+    if not robot.pointing:
+        return omega
+    x, y = get_vector(work.ends, e, TIP_X), get_vector(work.ends, e, TIP_Y)
+    return vector(dot(omega, x), dot(omega, y), 0.0)
+
+
+@inlined
+def write_columns(
+    robot: Robot, e: int, j: int, share: Float, spacecraft: Vector, work: Solver
+) -> None:
+    """Write the end-effectors' twists per rate of joint j of arm e into a row of ``work.S``.
+
+    Args:
+        robot: Data of the robot.
+        e: Number of the arm.
+        j: Number of the joint.
+        share: One over the mass.
+        spacecraft: Angular velocity of the spacecraft per rate.
+        work: Solver, with the link frames.
+    """
+    w, S, c = work.momenta, work.S, get_vector(work.centre, 0, 0)
+    a, v = get_vector(w, j, AXIS), rigid_velocity(robot, j, share, work)
+    slides = robot.joints[j, PRISMATIC] != 0.0
+    y = spacecraft if slides else spacecraft + a
+    for end in range(robot.arms):
+        tip, omega = get_vector(work.ends, end, TIP), y
+        speed = v + cross(y, tip - c)
+        if end != e:  # on the spacecraft's side
+            omega = spacecraft
+            speed = speed - (a if slides else cross(a, tip - get_vector(w, j, POINT)))
+        set_vector(S, j, 6 * end, speed)
+        set_vector(S, j, 6 * end + 3, in_task(robot, end, omega, work))
+    if robot.m < 6 * robot.arms:
+        for i in range(robot.m):
+            S[j, i] = S[j, int(robot.rows[i])]

@@ -10,8 +10,8 @@ So z neither moves the end-effector nor changes the momentum, and W may be singu
 
 from __future__ import annotations
 
-from freefloat.dynamics.kernels.equation import determinants
-from freefloat.dynamics.kernels.kinematics import ANGULAR, AXIS, LINEAR, POINT, TURN, rigid_velocity
+from freefloat.dynamics.kernels.equation import determinants, rigid_velocity
+from freefloat.dynamics.kernels.kinematics import ANGULAR, AXIS, LINEAR, POINT, TURN
 from freefloat.dynamics.kernels.robot import PRISMATIC, TOTAL_MASS, Robot
 from freefloat.ensemble.kernels.records import Buffers, NullSpace
 from freefloat.lockstep.compilation import inlined, inner

@@ -13,9 +13,8 @@ from pydantic import BeforeValidator, Field, WithJsonSchema, create_model
 from freefloat.errors import InputError, did_you_mean
 from freefloat.io.scenario.field_types import Name, Positive, Section, Vector, exactly_one_of
 from freefloat.io.scenario.yaml import file_keys
-from freefloat.limits.limit import Limit
+from freefloat.limits.limit import Axes, Limit, Number, NumberOrOff, PerJoint, Value
 from freefloat.limits.limits import GIVEN, Limits
-from freefloat.limits.values import Axes, Number, NumberOrOff, PerJoint, Value
 from freefloat.motion.pointing import Keep, PointingLimit
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array, degrees

@@ -22,8 +22,7 @@ from freefloat.io.scenario.field_types import (
 )
 from freefloat.io.scenario.yaml import file_keys
 from freefloat.paths.curves import ArcCurve, Curve, PolynomialCurve, SplineCurve
-from freefloat.paths.time_laws import TimeLaw
-from freefloat.paths.timing import Stop, Timing
+from freefloat.paths.timing import Stop, TimeLaw, Timing
 
 
 class CurveSection(Section):

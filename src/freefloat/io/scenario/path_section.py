@@ -33,9 +33,8 @@ from freefloat.paths.orientation import (
     SlerpOrientation,
 )
 from freefloat.paths.path import EndEffectorPath
-from freefloat.paths.path_stack import path_key
 from freefloat.paths.samples import parse_samples
-from freefloat.paths.timed_path import TimedPath
+from freefloat.paths.timed_path import TimedPath, path_key
 from freefloat.planning.settings import Search
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.rotations import Rotation

@@ -32,7 +32,7 @@ from freefloat.robot.bundled import find_robot
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.parts import Attachment, Mount, Payload, Spacecraft
 from freefloat.robot.rigid_bodies import joints_of_arms, require_within_ranges
-from freefloat.robot.source import RobotSource
+from freefloat.robot.robot_files import RobotSource
 
 
 class MountSection(Section):

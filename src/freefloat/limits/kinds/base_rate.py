@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from freefloat.limits.limit import Limit, largest_magnitude, rates_along
+from freefloat.limits.limit import Limit, Number, largest_magnitude, rates_along
 from freefloat.limits.result import LimitResult
-from freefloat.limits.values import Number
 from freefloat.motion.motion import Motion
 
 

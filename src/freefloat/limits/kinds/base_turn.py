@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from freefloat.limits.limit import Limit, place_of_maximum
+from freefloat.limits.limit import Limit, Number, place_of_maximum
 from freefloat.limits.result import LimitResult
-from freefloat.limits.values import Number
 from freefloat.motion.motion import Motion
 from freefloat.so3 import Array, IntArray, angle_between
 

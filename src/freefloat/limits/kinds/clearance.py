@@ -6,9 +6,8 @@ from typing import Any, Self
 
 import numpy as np
 
-from freefloat.limits.limit import Limit
+from freefloat.limits.limit import OFF, Limit, NumberOrOff
 from freefloat.limits.result import LimitResult
-from freefloat.limits.values import OFF, NumberOrOff
 from freefloat.motion.margin import ROUNDING
 from freefloat.motion.motion import Motion
 from freefloat.motion.setting import Setting

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from freefloat.limits.limit import MagnitudeLimit, efforts_along
+from freefloat.limits.limit import MagnitudeLimit, PerJoint, efforts_along
 from freefloat.limits.result import LimitResult
-from freefloat.limits.values import PerJoint
 from freefloat.motion.motion import Motion
 
 

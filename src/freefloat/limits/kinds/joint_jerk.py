@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from freefloat.limits.limit import MagnitudeLimit
+from freefloat.limits.limit import MagnitudeLimit, PerJoint
 from freefloat.limits.result import LimitResult
-from freefloat.limits.values import PerJoint
 from freefloat.motion.extrema import Function
 from freefloat.motion.motion import Motion
 from freefloat.motion.panels import DEGREE, TO_COEFFICIENTS

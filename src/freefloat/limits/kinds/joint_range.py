@@ -9,7 +9,7 @@ from freefloat.limits.result import LimitResult
 from freefloat.motion.extrema import joint_extents
 from freefloat.motion.motion import Motion
 from freefloat.motion.setting import Setting
-from freefloat.robot.joint_ranges import range_ratios
+from freefloat.robot.model import range_ratios
 from freefloat.so3 import Array
 
 Ranges = tuple[Array, Array]

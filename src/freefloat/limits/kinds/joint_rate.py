@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from freefloat.limits.limit import MagnitudeLimit, rates_along
+from freefloat.limits.limit import MagnitudeLimit, PerJoint, rates_along
 from freefloat.limits.result import LimitResult
-from freefloat.limits.values import PerJoint
 from freefloat.motion.motion import Motion
 
 

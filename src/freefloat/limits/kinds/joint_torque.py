@@ -6,9 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from freefloat.limits.limit import MagnitudeLimit, efforts_along
+from freefloat.limits.limit import MagnitudeLimit, PerJoint, efforts_along
 from freefloat.limits.result import LimitResult
-from freefloat.limits.values import PerJoint
 from freefloat.motion.motion import Motion
 
 

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from freefloat.limits.limit import Limit, place_of_maximum
+from freefloat.limits.limit import Axes, Limit, place_of_maximum
 from freefloat.limits.result import LimitResult
-from freefloat.limits.values import Axes
 from freefloat.motion.motion import Motion
 from freefloat.motion.pointing import Keep, PointingLimit, angle_of
 from freefloat.motion.setting import Setting

@@ -26,9 +26,9 @@ from freefloat.planning.limits.further_starts import SearchStarts, starts_of
 from freefloat.planning.limits.keeping import moved_nearer
 from freefloat.planning.limits.trials import PassedTrial, Trials, Violations, largest_violation
 from freefloat.planning.motions import SimulatedBranch, integrate_branch
+from freefloat.planning.pattern_search import Clouds, Turns
 from freefloat.planning.plan import Plan
 from freefloat.planning.reasons import margin_text, reach_message
-from freefloat.planning.searches.pattern_search import Clouds, Turns
 from freefloat.planning.space.climbing import Climb, branch_numbers, separate_best
 from freefloat.so3 import Array, IntArray
 

@@ -16,9 +16,8 @@ from freefloat.limits.limits import Limits
 from freefloat.limits.result import LimitResult, all_violations, rounded_up, violated
 from freefloat.planning.candidates import ScreenedCandidate
 from freefloat.planning.headings import heading_depth
-from freefloat.planning.limits.screening import screen
 from freefloat.planning.limits.stretching import Stretching
-from freefloat.planning.limits.trials import PassedTrial, Trials
+from freefloat.planning.limits.trials import PassedTrial, Trials, screen
 from freefloat.planning.motions import SimulatedBranch
 from freefloat.planning.plan import Plan
 from freefloat.planning.reasons import margin_text

@@ -11,14 +11,16 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from itertools import compress
 from math import tau
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import numpy as np
 
 from freefloat.dynamics.joint_space import largest_measure
-from freefloat.ensemble.integrators import integrator_for
+from freefloat.ensemble.integrators import Integrator, integrator_for
+from freefloat.ensemble.result import EnsembleResult
 from freefloat.errors import InputError
 from freefloat.motion.problem import Problem
+from freefloat.planning.planar_touch_points import planar_touch_points
 from freefloat.planning.plane.arcs import (
     MARGIN,
     REACH,
@@ -29,14 +31,9 @@ from freefloat.planning.plane.arcs import (
     branch_ranges,
 )
 from freefloat.planning.settings import SearchDomain, branch_changes
-from freefloat.planning.touching.planar_points import planar_touch_points
-from freefloat.planning.touching.touch_point import TouchPoint
+from freefloat.planning.touch_point import TouchPoint
 from freefloat.regions.planar_regions import PlanarArm, point_3_on_path
 from freefloat.so3 import Array
-
-if TYPE_CHECKING:
-    from freefloat.ensemble.integrators import Integrator
-    from freefloat.ensemble.result import EnsembleResult
 
 _SMALLEST_LEVEL = 1e-4
 """Fraction of S_max used for a margin of zero, at which no motion can be started."""

@@ -17,10 +17,12 @@ import numpy as np
 from freefloat.concurrency import Progress
 from freefloat.ensemble.endings import COMPLETED, LIMITED, UNREACHED
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
-from freefloat.ensemble.result import EnsembleResult
+from freefloat.ensemble.result import BranchResults, EnsembleResult
 from freefloat.ik.branches import closed_form, searched_labels
+from freefloat.ik.nearest import newton_solutions
 from freefloat.motion.pointing import AttitudeLimits
 from freefloat.motion.problem import Problem
+from freefloat.planning.line_search import Function, LineSamples, resolved
 from freefloat.planning.plane.arcs import (
     MARGIN,
     REACH,
@@ -29,9 +31,7 @@ from freefloat.planning.plane.arcs import (
     arcs_between,
     branch_ranges,
 )
-from freefloat.planning.plane.continuation import FollowedStarts
 from freefloat.planning.plane.ranges import reach_limits
-from freefloat.planning.searches.line_search import Function, LineSamples, resolved
 from freefloat.planning.settings import SearchDomain, branch_changes
 from freefloat.regions.planar_regions import has_two_angle_form
 from freefloat.so3 import Array, BoolArray, IntArray, wrapped
@@ -66,11 +66,10 @@ def searched_ranges(
 ) -> tuple[BranchRanges, ...]:
     """Feasible ranges of heading; narrower ones than the spacing of the samples may be missed.
 
-    Headings that are known [rad] are samples, too.
-
-    Inside ranges, headings are added where the margin or det S* may vanish between neighbours.
-    Ranges are those of each arm branch; of a redundant arm a heading is feasible when any of the
-    starting configurations tried at the samples, or followed from there, keeps everything.
+    Headings that are known [rad] are samples, too. Inside ranges, headings are added where the
+    margin or det S* may vanish between neighbours. Ranges are those of each arm branch; of a
+    redundant arm a heading is feasible when any of the starting configurations tried at the
+    samples, or followed from there, keeps everything.
     """
     problem, domain = evaluator.problem, domain or SearchDomain()
     evaluator.require_memory(samples)
@@ -84,9 +83,10 @@ def searched_ranges(
         labels = {0: "elbow+", 1: "elbow-"}
     else:
         existing = np.flatnonzero(results.exist.any(axis=0)).tolist()
-        names: dict[int, str] = {}
-        if _is_searched(problem):
-            names |= enumerate(searched_labels(problem.model_at(), problem.task))
+        searched = _is_searched(problem)
+        names = dict(
+            enumerate(searched_labels(problem.model_at(), problem.task) if searched else ())
+        )
         labels = {index: names.get(index, str(index)) for index in existing}
     if not labels:
         return ()
@@ -119,7 +119,6 @@ def searched_ranges(
         lines.append(LineSamples(round_circle, slacks[closed], kept[closed]))
     flattest = np.inf if problem.redundant else _FLATTEST
     lines = resolved(within, lines, _WIDEST, _NARROWEST, _EXACT, _LEVELS, flattest)
-
     limits_of_domain = () if domain.whole else domain.heading_limits(problem.plane)
 
     def causes(outside: Array, column: int) -> list[str]:
@@ -133,10 +132,7 @@ def searched_ranges(
 
 
 def depth_of_start(evaluator: FeasibilityEvaluator, heading: float, domain: SearchDomain) -> float:
-    """Distance of a heading from the nearest infeasible one [rad].
-
-    The evaluator is that of a redundant arm with ``start_joints``.
-    """
+    """Distance from the nearest infeasible heading [rad], of arms with ``start_joints``."""
 
     def within(headings: Array, columns: IntArray) -> tuple[Array, BoolArray]:
         attitudes = evaluator.problem.plane.attitudes(headings)
@@ -199,15 +195,12 @@ def _causes(
     limited = (motions.endings == LIMITED) & (least > -_JUST)
     causes = []
     for row, heading in enumerate(outside.tolist()):
-        at_end = [abs(wrapped(heading - end)) < _END for end in ends]
-        if any(at_end):
+        if any(abs(wrapped(heading - end)) < _END for end in ends):
             causes.append(SEARCH)
         elif limited[row].any():
-            slacks = motions.slacks[row, limited[row]][0]
-            causes.append(limits.names[int(slacks.argmin())])
+            causes.append(limits.names[int(motions.slacks[row, limited[row]][0].argmin())])
         else:
-            unreached = (motions.endings[row] == UNREACHED).all()
-            causes.append(REACH if unreached else MARGIN)
+            causes.append(REACH if (motions.endings[row] == UNREACHED).all() else MARGIN)
     return causes
 
 
@@ -217,7 +210,6 @@ def _headings(
     """Even headings, known ones and some next to these and to changes, where narrow ranges may lie.
 
     Such changes are the limits of the reach and those of the arm branch closest to given joints.
-
     Outside a domain that has not all headings there is one next to each of its limits.
     """
     headings, given = domain.headings(samples, problem.plane), len(known)
@@ -253,3 +245,56 @@ def _beside_changes(problem: Problem) -> list[float]:
     jumps = exist & next_exist & (problem.model.joint_distance(joints, next_joints) > _JUMP)
     changed = (jumps | (exist != next_exist)).any(axis=1)
     return [*headings[changed], *np.roll(headings, -1)[changed]]
+
+
+def continued_motions(
+    evaluator: FeasibilityEvaluator, attitudes: Array, joints: Array
+) -> tuple[Array, EnsembleResult]:
+    """Configurations near joints (K, n) or NaN, and the motions from there, shape (K,)."""
+    problem = evaluator.problem
+    poses = problem.poses_seen_from(attitudes)
+    starts = newton_solutions(problem.model_at(), *poses, problem.task, joints)
+    exist = np.asarray(np.isfinite(starts).all(axis=1))
+    table = EnsembleResult.empty(exist.shape, starts.shape[1], evaluator.limits.number)
+    states = attitudes[exist], starts[exist]
+    stop = problem.margin.threshold
+    table.assign(exist, evaluator.integrator.integrate(*states, stop_below=stop))
+    return starts, table
+
+
+class FollowedStarts:
+    """Motions of a redundant arm from configurations near those of neighbouring headings.
+
+    Of the feasible ones of a heading those with the largest margin and slacks are known.
+    """
+
+    def __init__(
+        self, evaluator: FeasibilityEvaluator, headings: Array, results: BranchResults
+    ) -> None:
+        self._evaluator = evaluator
+        self._headings = np.zeros(0)
+        self._joints = np.zeros((0, 1 + evaluator.limits.number, results.joints.shape[2]))
+        self._add(headings, results.joints, results.motions)
+
+    def __call__(self, headings: Array) -> EnsembleResult:
+        """The motions from configurations of both neighbours, shape (K, B)."""
+        above = np.searchsorted(self._headings, headings % tau) % len(self._headings)
+        near = np.concatenate([self._joints[above - 1], self._joints[above]], axis=1)
+        attitudes = self._evaluator.problem.plane.attitudes(np.repeat(headings, near.shape[1]))
+        each = near.reshape(-1, near.shape[2])
+        starts, flat = continued_motions(self._evaluator, attitudes, each)
+        motions = EnsembleResult._make(v.reshape(*near.shape[:2], *v.shape[1:]) for v in flat)
+        self._add(headings, starts.reshape(near.shape), motions)
+        return motions
+
+    def _add(self, headings: Array, joints: Array, motions: EnsembleResult) -> None:
+        """Add the best feasible configurations, of joints (K, B, n), to those that are known."""
+        kept = motions.keeps(self._evaluator.problem.margin.threshold)
+        merits = np.concatenate([motions.minimum[..., None], motions.slacks], axis=2)
+        best = np.where(kept[..., None], merits, -np.inf).argmax(axis=1)
+        rows = kept.any(axis=1)
+        known = np.concatenate([self._headings, headings[rows] % tau])
+        order = np.argsort(known, kind="stable")
+        starts = np.take_along_axis(joints, best[..., None], axis=1)[rows]
+        self._headings = known[order]
+        self._joints = np.concatenate([self._joints, starts])[order]

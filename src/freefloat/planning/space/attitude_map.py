@@ -10,12 +10,12 @@ import numpy.typing as npt
 import scipy
 
 from freefloat.ensemble.endings import COMPLETED, FAILED, LIMITED, SINGULAR, UNREACHED
+from freefloat.ensemble.feasibility import has_wrist_flipped_branches
 from freefloat.ensemble.result import is_regular
-from freefloat.ensemble.wrist_flips import has_wrist_flipped_branches
 from freefloat.planning.candidates import Ball, BoundaryPoint, NearAttitude, Peak, Region
 from freefloat.planning.margin_map import MarginMap
+from freefloat.planning.pattern_search import depths
 from freefloat.planning.reasons import reach_message
-from freefloat.planning.searches.pattern_search import depths
 from freefloat.records import Quaternions
 from freefloat.so3 import Array, degrees, frozen
 from freefloat.statistics import percentage

@@ -11,13 +11,7 @@ from freefloat.attitude_grids import attitudes_within
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.motion.margin import keeps_threshold
 from freefloat.planning.candidates import Candidate, NearAttitude, Peak, ScoredAttitude
-from freefloat.planning.searches.pattern_search import (
-    ROUNDS,
-    Clouds,
-    Searches,
-    pattern_search,
-    shortest,
-)
+from freefloat.planning.pattern_search import ROUNDS, Clouds, Searches, pattern_search, shortest
 from freefloat.planning.settings import SearchDomain
 from freefloat.planning.space.attitude_map import AttitudeMap
 from freefloat.so3 import Array, BoolArray, IntArray, angle_between, rotated, rotation_vector_to

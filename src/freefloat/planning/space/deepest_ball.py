@@ -15,8 +15,7 @@ import numpy as np
 from freefloat.attitude_grids import even_directions
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.planning.candidates import Ball, BoundaryPoint
-from freefloat.planning.searches.adversary import BEYOND, CAUTION, violations
-from freefloat.planning.searches.pattern_search import (
+from freefloat.planning.pattern_search import (
     Clouds,
     Searches,
     depths,
@@ -26,6 +25,7 @@ from freefloat.planning.searches.pattern_search import (
     spread,
 )
 from freefloat.planning.settings import SearchDomain
+from freefloat.planning.space.adversary import BEYOND, CAUTION, violations
 from freefloat.planning.space.attitude_map import AttitudeMap
 from freefloat.planning.space.deviations import EFFORT, NearbyAttitudes, confirmed
 from freefloat.so3 import Array, IntArray, angle_between, rotation_vector_to

@@ -12,30 +12,27 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from freefloat.attitude_grids import attitudes_within, even_directions
 from freefloat.dynamics.momentum import inertia_matrices
 from freefloat.ensemble.feasibility import FeasibilityEvaluator, is_kept, regularity
+from freefloat.ensemble.integrators import Integrator
 from freefloat.ensemble.result import EnsembleResult
 from freefloat.ensemble.systems import Systems
 from freefloat.planning.candidates import Ball, Candidate, SearchEffort, Tolerance
+from freefloat.planning.line_search import Function, LineSamples, resolved
 from freefloat.planning.motions import SimulatedBranch, evaluator_near
-from freefloat.planning.searches.adversary import (
+from freefloat.planning.space.adversary import (
     CAUTION,
     Regularity,
     closest,
     confirmed_radius,
     shortest_length,
 )
-from freefloat.planning.searches.line_search import Function, LineSamples, resolved
 from freefloat.planning.space.climbing import branch_numbers
 from freefloat.so3 import Array, BoolArray, IntArray, rotated, rotation_vector_to
-
-if TYPE_CHECKING:
-    from freefloat.ensemble.integrators import Integrator
 
 _WIDE = 512
 """Attitudes of the cloud that searches for the outside."""

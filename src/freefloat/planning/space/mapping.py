@@ -25,12 +25,12 @@ from freefloat.motion.problem import Problem, require_problem
 from freefloat.planning.candidates import BoundaryPoint
 from freefloat.planning.margin_map import HeadingMap
 from freefloat.planning.motions import evaluator_for
-from freefloat.planning.searches.pattern_search import nearest_among
+from freefloat.planning.pattern_search import nearest_among
 from freefloat.planning.settings import FEWEST_SAMPLES, HEADINGS, Search
 from freefloat.planning.space.attitude_map import AttitudeMap, find_regions
 from freefloat.planning.space.climbing import feasible_peaks, nearest_feasible
 from freefloat.planning.space.deepest_ball import deepest
-from freefloat.planning.touching.touch_points import (
+from freefloat.planning.touch_points import (
     boundary_attitude,
     require_touch_points,
     sample_touch_points,

@@ -17,7 +17,7 @@ import scipy
 
 from freefloat.limits.limits import Limits
 from freefloat.motion.motion import Motion
-from freefloat.paths.time_laws import Speeds, TimeLaw
+from freefloat.paths.timing import Speeds, TimeLaw
 from freefloat.planning.timing.path_limits import PathLimits
 from freefloat.so3 import Array, IntArray
 

@@ -9,6 +9,7 @@ tracking for robots, IEEE Transactions on Automatic Control 54(10), 2009.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import scipy
@@ -21,8 +22,8 @@ from freefloat.limits.kinds.joint_rate import JointRateLimit
 from freefloat.limits.kinds.joint_torque import JointTorqueLimit
 from freefloat.limits.limits import GIVEN, Limits
 from freefloat.motion.motion import Motion
-from freefloat.paths.time_laws import Speeds
-from freefloat.paths.timing import Timing
+from freefloat.motion.problem import Problem
+from freefloat.paths.timing import Speeds, TimeLaw, Timing
 from freefloat.planning.timing.path_limits import LimitRows, PathLimits
 from freefloat.planning.timing.smooth_profile import smooth_speeds
 from freefloat.so3 import Array
@@ -171,3 +172,9 @@ def _largest_squares(
     if result.x is None:
         return np.zeros(len(knots))
     return np.asarray(np.maximum(result.x, 0.0) * scale)
+
+
+def with_speeds(problem: Problem, speeds: Speeds) -> Problem:
+    """The problem with the timing that has these pairs of times [s] and speeds ds/dt."""
+    timing = Timing(speeds[-1][0], TimeLaw.OPTIMAL, speeds=speeds)
+    return replace(problem, path=replace(problem.path, timing=timing))

@@ -10,7 +10,7 @@ import numpy as np
 from meshcat import geometry as g
 
 from freefloat.attitude_grids import even_directions
-from freefloat.ensemble.wrist_flips import has_wrist_flipped_branches
+from freefloat.ensemble.feasibility import has_wrist_flipped_branches
 from freefloat.ik.labels import branch_name
 from freefloat.planning.margin_map import HeadingMap, MarginMap
 from freefloat.planning.space.attitude_map import AttitudeMap

@@ -10,9 +10,9 @@ import numpy as np
 
 from freefloat.motion.motion import Motion
 from freefloat.robot.description import Colour, LinkShape
-from freefloat.robot.mesh_files import MeshFileError, find_mesh
 from freefloat.robot.meshes import Mesh, capsule_mesh, read_mesh
 from freefloat.robot.model import FreeFloatingModel
+from freefloat.robot.robot_files import MeshFileError, find_mesh
 from freefloat.robot.shapes import Box, Capsule, Cylinder, MeshFile, Sphere, corners
 from freefloat.so3 import Array, Pose, axes_rotation
 

@@ -11,7 +11,7 @@ from freefloat.beyond.missions.goals.target import Target
 from freefloat.dynamics.summary import frames_at
 from freefloat.errors import InputError, finite_vector, require_type
 from freefloat.motion.setting import Setting
-from freefloat.paths.time_laws import positive_duration
+from freefloat.paths.timing import positive_duration
 from freefloat.records import Joints, Quaternions
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.rotations import Rotation

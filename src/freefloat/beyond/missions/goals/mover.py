@@ -1,4 +1,4 @@
-"""Finding a motion of the joints to a goal from the state of a system."""
+"""Finding a motion of the joints to a goal from the state of a system, or why there is none."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ import numpy.typing as npt
 
 from freefloat.beyond.missions.goals.certification import Certification
 from freefloat.beyond.missions.goals.clearances import Clearances
-from freefloat.beyond.missions.goals.failure import why_not
 from freefloat.beyond.missions.goals.goal import Goal
 from freefloat.beyond.missions.goals.goal_motion import (
     GoalMotion,
@@ -18,20 +17,23 @@ from freefloat.beyond.missions.goals.goal_motion import (
     goal_setting,
     required_limits,
 )
-from freefloat.beyond.missions.goals.query import GoalStart, Query, families_of
-from freefloat.beyond.missions.goals.search import GoalSearch
+from freefloat.beyond.missions.goals.joint_paths import JointCourse
+from freefloat.beyond.missions.goals.query import GoalStart, Query, families_of, violation_at_rest
+from freefloat.beyond.missions.goals.search import REACHED, GoalSearch
 from freefloat.beyond.missions.goals.violations import ShapeLimits, StateLimits
 from freefloat.concurrency import Progress, step_of
 from freefloat.dynamics.system import System
 from freefloat.errors import InputError, require_type, seed_number
 from freefloat.limits.check import LimitChecker
+from freefloat.limits.limit import OFF
 from freefloat.limits.limits import Limits, limits_for
-from freefloat.limits.values import OFF
+from freefloat.limits.result import LimitResult, all_violations
 from freefloat.motion.joint_curves import JointSpline
 from freefloat.motion.joint_integration import integrate_spline
 from freefloat.motion.law import JointLaw
 from freefloat.motion.motion import Motion
 from freefloat.motion.setting import JointSetting
+from freefloat.rotations import Rotation
 from freefloat.scene.scene import Scene
 from freefloat.scene.tumbling import Tumbling
 from freefloat.so3 import Array, unit_quaternion
@@ -150,7 +152,7 @@ def move_from(query: Query, *, seed: int = 0, progress: Progress | None = None) 
     if goal.duration is not None and query.limits.timed and not query.is_there:
         free = replace(query, goal=replace(goal, duration=None))
         longer = move_from(free, seed=seed, progress=step_of(progress, part, 1.0))
-    return why_not(outcome, search, seed, longer, query.goal_words)
+    return _why_not(outcome, search, seed, longer, query.goal_words)
 
 
 def _search(query: Query, progress: Progress | None) -> GoalSearch:
@@ -226,3 +228,56 @@ def _backward(setting: JointSetting) -> JointSetting:
         setting, momentum=-setting.momentum, wheel_momentum=-setting.wheel_momentum,
         drift=-setting.drift, scene=Scene(bodies, setting.scene.corridor),
     )  # fmt: skip
+
+
+def _why_not(
+    outcome: GoalMotion, search: GoalSearch, seed: int, longer: GoalMotion | None, goal_words: str
+) -> GoalMotion:
+    """The outcome of a search that found no motion, with the reason.
+
+    Args:
+        outcome: The outcome.
+        search: The search.
+        seed: Seed of random paths.
+        longer: What was found without the duration that was asked for.
+        goal_words: What the goal is called.
+    """
+    if longer is not None and longer.duration is not None and longer.feasible:
+        least = longer.duration
+        reason = f"no motion in {outcome.goal.duration:g} s was found, but one in {least:.4g} s"
+        return replace(outcome, reason=reason, needed={"duration": least})
+    nearest = search.nearest()
+    if nearest is None:
+        return _at_the_goal(outcome, search, seed, goal_words)
+    results = search.certification.checker.results(nearest.motion)
+    return outcome.with_motion(nearest.motion, results)
+
+
+def _at_the_goal(outcome: GoalMotion, search: GoalSearch, seed: int, goal_words: str) -> GoalMotion:
+    """Why no path was found that ends at the goal: what it violates there, or how far it gets."""
+    target = search.families[0].target
+    nearest, *others = search.nearest_ends(seed)
+    if np.abs(nearest.error).max(initial=0.0) > REACHED:
+        reason = f"no motion with {goal_words} was found within the joint ranges"
+        away = target.distance_text(nearest.error)
+        return replace(outcome, reason=f"{reason}; the nearest one is {away} away")
+    ends = [nearest, *(path for path in others if np.abs(path.error).max(initial=0.0) <= REACHED)]
+    violations = [_violation(outcome, path.course) for path in ends]
+    least = min(filter(None, violations), key=lambda found: abs(found.worst - found.allowed),
+                default=None)  # fmt: skip
+    if least is not None and None not in violations:
+        reason = f"at {goal_words} of the nearest motion {least.violation()}"
+        return replace(outcome, reason=reason)
+    beyond = search.least_violations(ends)
+    reason = f"{goal_words} is reached by coarse paths, but exactly by no motion that was found"
+    if beyond:
+        reason = f"{goal_words} is reached, but along the best path {all_violations(beyond)}"
+    return replace(outcome, reason=reason)
+
+
+def _violation(outcome: GoalMotion, course: JointCourse) -> LimitResult | None:
+    """The limit that the state at the end of a path violates; None where it keeps all."""
+    there = earlier(outcome.setting, -float(course.duration))
+    attitude = Rotation.from_matrix(course.attitudes[-1]).as_quat()
+    checker = LimitChecker(there, required_limits(there))
+    return violation_at_rest(there, checker, attitude, course.joints[-1])

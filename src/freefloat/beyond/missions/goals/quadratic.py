@@ -1,8 +1,8 @@
-"""A relaxed problem at a path, linearized, and the step to its least value."""
+"""A relaxed problem at a path, linearized, the step to its least value, and a budget of steps."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple
 
@@ -11,6 +11,8 @@ import numpy as np
 from freefloat.beyond.missions.goals.joint_paths import JointCourse
 from freefloat.so3 import Array
 
+_MOST = 300_000
+"""Instants of a search: fifteen to thirty seconds of processor time."""
 WEIGHT_OF_END = 10.0
 """Least weight of the residuals of the end in what steps decrease [1/rad, 1/m]."""
 _ACTIVE_SETS = 10
@@ -19,6 +21,35 @@ _HALVINGS = 12
 """Bisections of the way to the least value of one of them."""
 _RANK = 1e-10
 """Singular value, over the largest one, from which the end can be changed in a direction."""
+
+
+@dataclass(eq=False)
+class SolverBudget:
+    """Work of a search, counted in instants of paths at which they are looked at.
+
+    Where a search ends follows from its seed, not from the speed of the machine.
+
+    Attributes:
+        most: Most instants.
+        done: Instants so far.
+    """
+
+    most: int = _MOST
+    done: int = field(default=0, init=False)
+
+    def take(self, instants: int) -> None:
+        """Count some instants."""
+        self.done += instants
+
+    @property
+    def fraction(self) -> float:
+        """The fraction of the work that is done, in [0, 1]."""
+        return min(1.0, self.done / self.most)
+
+    @property
+    def spent(self) -> bool:
+        """Whether the search has to end."""
+        return self.done >= self.most
 
 
 class Step(NamedTuple):

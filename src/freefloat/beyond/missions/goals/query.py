@@ -9,11 +9,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from freefloat.beyond.missions.goals.effort import SolverBudget
 from freefloat.beyond.missions.goals.goal import Goal
 from freefloat.beyond.missions.goals.goal_motion import FIRST_DURATION, earlier, required_limits
 from freefloat.beyond.missions.goals.joint_paths import Ends, JointPaths
 from freefloat.beyond.missions.goals.placements import PlacedArm
+from freefloat.beyond.missions.goals.quadratic import SolverBudget
 from freefloat.beyond.missions.goals.relaxation import Relaxation
 from freefloat.beyond.missions.goals.target import EndState, Target
 from freefloat.beyond.missions.goals.violations import ShapeLimits

@@ -14,10 +14,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from freefloat.beyond.missions.goals.effort import SolverBudget
 from freefloat.beyond.missions.goals.joint_paths import COARSE_INTERVALS, JointCourse, JointPaths
 from freefloat.beyond.missions.goals.placements import PlacedArm
-from freefloat.beyond.missions.goals.quadratic import WEIGHT_OF_END, Quadratic
+from freefloat.beyond.missions.goals.quadratic import WEIGHT_OF_END, Quadratic, SolverBudget
 from freefloat.beyond.missions.goals.target import Target
 from freefloat.beyond.missions.goals.violations import ShapeLimits
 from freefloat.so3 import Array

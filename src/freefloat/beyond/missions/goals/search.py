@@ -8,8 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from freefloat.beyond.missions.goals.certification import FINAL, Certification, CertifiedMotion
-from freefloat.beyond.missions.goals.effort import SolverBudget
-from freefloat.beyond.missions.goals.quadratic import Quadratic
+from freefloat.beyond.missions.goals.quadratic import Quadratic, SolverBudget
 from freefloat.beyond.missions.goals.relaxation import Relaxation, TermWeights
 from freefloat.beyond.missions.goals.starts import random_path, starts
 from freefloat.concurrency import Progress

@@ -1,1 +1,0 @@
-"""Manoeuvres: phases after one another."""

@@ -1,1 +1,0 @@
-"""Kinds of phases: a module for each."""

@@ -1,1 +1,0 @@
-"""Searches that know no problem: patterns, adversaries, lines."""

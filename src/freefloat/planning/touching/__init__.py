@@ -1,1 +1,0 @@
-"""Touch points: states at which motions just keep their margin (Sections IV to VI)."""
