@@ -17,7 +17,6 @@ import numpy as np
 from freefloat.ensemble.endings import DECIDERS, MOTION
 from freefloat.errors import FreeFloatError, InputError
 from freefloat.io.files import file_errors, written_beside
-from freefloat.io.results import save
 from freefloat.kinds import STUDY_COMMANDS, kind_of, named
 from freefloat.limits.kinds.base_rate import BaseRateLimit
 from freefloat.limits.kinds.base_turn import BaseTurnLimit
@@ -163,7 +162,7 @@ def computed_record(
 def _file_content(record: Any) -> bytes:
     with tempfile.TemporaryDirectory(prefix="freefloat-") as folder:
         file = Path(folder) / "result.h5"
-        save(record, file)
+        named("io.results:save")(record, file)  # HDF5 imports slowly
         return file.read_bytes()
 
 
