@@ -90,8 +90,8 @@ class ResultKind:
     values: str = ""
     tables: str = ""
     decode: str = ""
-    codec: str = "verification.leaves:CODEC"
-    scenario: str = "io.scenario.writing:scenario_of_result"
+    codec: str = "verification.tolerances:CODEC"
+    scenario: str = "io.scenario.problem_text:scenario_of_result"
 
 
 RESULT_KINDS = {

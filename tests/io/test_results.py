@@ -15,7 +15,7 @@ from freefloat.errors import InputError
 from freefloat.io.files import written_beside
 from freefloat.io.hdf5 import AlteredFileError
 from freefloat.robot.bundled import find_robot
-from freefloat.verification.leaves import differences
+from freefloat.verification.tolerances import differences
 from tests.plans import planar_plan
 from tests.result_files import altered, replaced, with_digest
 from tests.samples import plans

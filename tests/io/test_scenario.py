@@ -14,8 +14,8 @@ import yaml
 from scipy.spatial.transform import Rotation
 
 import freefloat as ff
+from freefloat.io.scenario.problem_text import scenario_of
 from freefloat.io.scenario.scenario import Scenario
-from freefloat.io.scenario.writing import scenario_of
 from freefloat.paths.curves import Curve
 from freefloat.paths.directed_orientation import DirectedOrientation
 from freefloat.paths.timing import TimeLaw

@@ -9,8 +9,8 @@ import yaml
 from scipy.spatial.transform import Rotation
 
 import freefloat as ff
+from freefloat.io.scenario.problem_text import scenario_of
 from freefloat.io.scenario.scenario import Scenario
-from freefloat.io.scenario.writing import scenario_of
 from freefloat.robot.bundled import find_scenario
 from freefloat.robot.description import RobotDescription
 from freefloat.robot.shapes import MeshFile

@@ -14,7 +14,7 @@ from freefloat.dynamics.system import System
 from freefloat.ensemble.robots import Robots
 from freefloat.errors import LARGEST_NUMBER, InputError, number_array
 from freefloat.motion.problem import Problem
-from freefloat.motion.problem_parts import (
+from freefloat.motion.problem_inputs import (
     MAX_REVOLUTIONS,
     mean_inertia,
     require_planar_vectors,

@@ -29,7 +29,7 @@ from freefloat.records import Quantity, Tree
 from freefloat.robot.base import Base
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.validation import read_urdf
-from freefloat.verification.leaves import differences
+from freefloat.verification.tolerances import differences
 
 FORMAT_VERSION = 4
 _PREFIX = "freefloat "

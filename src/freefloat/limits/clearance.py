@@ -14,7 +14,7 @@ import numpy as np
 import scipy
 from numpy.polynomial import chebyshev
 
-from freefloat.limits.collision import CollisionShape
+from freefloat.limits.collision_shapes import CollisionShape
 from freefloat.limits.pairs import CollisionPairs
 from freefloat.motion.motion import Motion
 from freefloat.motion.panels import TO_COEFFICIENTS

@@ -13,7 +13,7 @@ import numpy.typing as npt
 import pinocchio as pin
 
 from freefloat.attitude_grids import low_discrepancy
-from freefloat.limits.collision import CollisionShape
+from freefloat.limits.collision_shapes import CollisionShape
 from freefloat.robot.description import RobotDescription
 from freefloat.robot.joint_values import INERTIAL
 from freefloat.robot.model import FreeFloatingModel

@@ -12,7 +12,12 @@ import numpy.typing as npt
 import pinocchio as pin
 
 from freefloat.errors import ModelError
-from freefloat.limits.collision import CollisionShape, all_shapes, shapes_of_bodies, shapes_of_links
+from freefloat.limits.collision_shapes import (
+    CollisionShape,
+    all_shapes,
+    shapes_of_bodies,
+    shapes_of_links,
+)
 from freefloat.limits.held_pairs import (
     HeldPairs,
     always_near,

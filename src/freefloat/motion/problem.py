@@ -20,7 +20,7 @@ from freefloat.motion.branches_on_path import BranchesOnPath
 from freefloat.motion.joint_curves import ArmCurve, ArmCurves
 from freefloat.motion.margin import Margin
 from freefloat.motion.pointing import AttitudeLimits
-from freefloat.motion.problem_parts import (
+from freefloat.motion.problem_inputs import (
     margin_of,
     model_of,
     path_of,

@@ -15,7 +15,7 @@ from freefloat.planning.answer import Answer
 from freefloat.planning.margin_map import MarginMap
 from freefloat.records import Known
 from freefloat.verification.comparisons import Check
-from freefloat.verification.leaves import compare
+from freefloat.verification.tolerances import compare
 
 PINOCCHIO = "pinocchio"
 """Name of freefloat's own dynamics."""

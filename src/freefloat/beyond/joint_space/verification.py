@@ -16,7 +16,7 @@ from freefloat.singularities.singularity_polynomial import SingularityPolynomial
 from freefloat.so3 import Array
 from freefloat.verification.check import PINOCCHIO, CheckReport
 from freefloat.verification.comparisons import Check
-from freefloat.verification.leaves import CODEC
+from freefloat.verification.tolerances import CODEC
 
 _CONFIGURATIONS, _BOXES = 4096, 512
 """Configurations, and boxes with a singular configuration, that are looked at."""

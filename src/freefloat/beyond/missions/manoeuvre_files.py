@@ -16,8 +16,8 @@ from freefloat.beyond.missions.manoeuvre import Manoeuvre, Phase
 from freefloat.beyond.missions.phase_section import phases_content
 from freefloat.beyond.missions.state import SystemState
 from freefloat.codec import Codec
+from freefloat.io.scenario.problem_text import scenario_of, written_scenario
 from freefloat.io.scenario.scenario import Scenario
-from freefloat.io.scenario.writing import scenario_of, written_scenario
 from freefloat.limits.limits import Limits
 from freefloat.motion.problem import Problem
 from freefloat.motion.setting import JointSetting, Setting
@@ -34,10 +34,10 @@ from freefloat.studies.run import (
     plan_values,
     verdict_values,
 )
-from freefloat.verification import leaves
+from freefloat.verification import tolerances
 
 CODEC = Codec(
-    (*leaves.CODEC.context, tuple[Phase, ...]), {Finding: (Plan, GoalMotion, PlannedCapture)}
+    (*tolerances.CODEC.context, tuple[Phase, ...]), {Finding: (Plan, GoalMotion, PlannedCapture)}
 )
 """Codec of manoeuvres: their phases are stored in the text of the scenario, too."""
 
@@ -64,7 +64,7 @@ def decode_goal(tree: Tree, scenario: Scenario) -> GoalMotion:
         ValueError: If the scenario has another goal, or another state at the start.
     """
     setting = JointSetting.of(scenario.system(), scenario.scene(), scenario.limits())
-    result = leaves.CODEC.decode(GoalMotion, tree, {JointSetting: setting})
+    result = tolerances.CODEC.decode(GoalMotion, tree, {JointSetting: setting})
     _require_same_goal("goal", scenario.goal(), result.goal)
     search = scenario.search()
     _require_same("seed", [search.seed], [result.seed])
@@ -81,7 +81,7 @@ def _require_same(name: str, asked: Any, found: Any) -> None:
     """Raise a ValueError if what a scenario asks for is not what its result is about."""
     if asked.keys() != found.keys() if isinstance(asked, dict) else len(asked) != len(found):
         raise ValueError(f"its {name} is not that of its scenario")
-    if next(leaves.differences(asked, found), None) is not None:
+    if next(tolerances.differences(asked, found), None) is not None:
         raise ValueError(f"its {name} is not that of its scenario")
 
 

@@ -16,7 +16,7 @@ from freefloat.limits.limits import Limits
 from freefloat.motion.motion import Motion
 from freefloat.motion.pointing import AttitudeLimits
 from freefloat.motion.problem import Problem
-from freefloat.motion.problem_parts import require_few_revolutions
+from freefloat.motion.problem_inputs import require_few_revolutions
 from freefloat.motion.setting import JointSetting
 from freefloat.paths.timed_path import TimedPath
 from freefloat.scene.scene import Scene

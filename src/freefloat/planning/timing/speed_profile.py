@@ -24,8 +24,8 @@ from freefloat.limits.limits import GIVEN, Limits
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
 from freefloat.paths.timing import Speeds, TimeLaw, Timing
+from freefloat.planning.timing.jerk_limited_profile import smooth_speeds
 from freefloat.planning.timing.path_limits import LimitRows, PathLimits
-from freefloat.planning.timing.smooth_profile import smooth_speeds
 from freefloat.so3 import Array
 
 _FRACTIONS = (0.0, 0.5, 1.0)

@@ -17,7 +17,7 @@ from freefloat.limits.limits import Limits
 from freefloat.limits.result import LimitResult, all_violations, violated
 from freefloat.motion.law import JointLaw
 from freefloat.motion.motion import Motion
-from freefloat.motion.problem_parts import require_few_revolutions, require_planar_system
+from freefloat.motion.problem_inputs import require_few_revolutions, require_planar_system
 from freefloat.motion.setting import JointSetting
 from freefloat.planning.answer import Answer, PhaseResult
 from freefloat.rotations import Rotation
