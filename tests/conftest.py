@@ -18,8 +18,8 @@ from freefloat.attitude_grids import attitude_grid
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.io.scenario.scenario import load_scenario
 from freefloat.motion.problem import Problem
-from freefloat.robot.bundled import models_folder
 from freefloat.robot.model import FreeFloatingModel
+from freefloat.robot.named_files import models_folder
 from freefloat.so3 import heading_quaternion
 from freefloat.visualization.page.pictures import find_browser
 from tests.browser import FLAGS

@@ -15,7 +15,7 @@ from freefloat.planning.candidates import SearchEffort
 from freefloat.planning.plan import Plan
 from freefloat.planning.space import climbing as search
 from freefloat.planning.space import deepest_ball as deepest
-from freefloat.planning.space import deviations
+from freefloat.planning.space import tolerated_deviations
 
 IDENTITY = [0.0, 0.0, 0.0, 1.0]
 
@@ -26,11 +26,11 @@ def smaller_searches() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(path_planner, "_CANDIDATES", 6)
         patch.setattr(search, "_FINISHED", 2)
-        patch.setattr(deviations, "_WIDE", 128)
-        patch.setattr(deviations, "EFFORT", SearchEffort(768, 16))
+        patch.setattr(tolerated_deviations, "_WIDE", 128)
+        patch.setattr(tolerated_deviations, "EFFORT", SearchEffort(768, 16))
         patch.setattr(deepest, "_ROUNDS", 6)
         patch.setattr(deepest, "EFFORT", SearchEffort(768, 16))
-        patch.setattr(deviations, "MOMENTUM_EFFORT", SearchEffort(384, 12))
+        patch.setattr(tolerated_deviations, "MOMENTUM_EFFORT", SearchEffort(384, 12))
         yield
 
 

@@ -16,8 +16,8 @@ import pinocchio as pin
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from freefloat.robot.bundled import example_robot
 from freefloat.robot.model import FreeFloatingModel
+from freefloat.robot.named_files import example_robot
 
 KINDS = {"R": "revolute", "C": "continuous", "P": "prismatic", "F": "fixed"}
 STROKE = 4.0

@@ -16,7 +16,7 @@ import freefloat as ff
 from freefloat.certificate.certificate import certify
 from freefloat.planning.plan import Plan
 from freefloat.planning.plane.arcs import BranchRanges, HeadingRange
-from freefloat.robot.bundled import models_folder
+from freefloat.robot.named_files import models_folder
 from freefloat.so3 import heading_quaternion
 from tests.example_studies import SHORT
 

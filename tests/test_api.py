@@ -15,7 +15,7 @@ import pytest
 
 import freefloat as ff
 from freefloat.planning.plan import Plan
-from freefloat.robot.bundled import models_folder
+from freefloat.robot.named_files import models_folder
 
 SLOW = {
     "Weights",

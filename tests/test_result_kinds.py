@@ -12,7 +12,7 @@ import pytest
 import yaml
 
 import freefloat as ff
-from freefloat.io.hdf5 import AlteredFileError
+from freefloat.io.verified_hdf5 import AlteredFileError
 from tests.errors import error_key
 from tests.result_files import altered, replaced
 

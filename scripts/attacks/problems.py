@@ -14,7 +14,7 @@ from freefloat.dynamics.measures import singularity_measure
 from freefloat.motion.problem import Problem
 from freefloat.paths.curves import PolynomialCurve
 from freefloat.paths.orientation import FixedOrientation
-from freefloat.robot.bundled import find_robot
+from freefloat.robot.named_files import find_robot
 from freefloat.robot.parts import Attachment, Mount
 from freefloat.so3 import heading_quaternion
 

@@ -27,7 +27,7 @@ from freefloat.ensemble.ensemble import EnsembleIntegrator
 from freefloat.ensemble.robots import Robots
 from freefloat.ensemble.systems import Systems
 from freefloat.limits.pairs import CollisionPairs
-from freefloat.robot.bundled import find_scenario, find_study
+from freefloat.robot.named_files import find_scenario, find_study
 from freefloat.studies.folder import DATABASE
 from freefloat.studies.rows import StudyRows
 

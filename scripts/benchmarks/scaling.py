@@ -15,7 +15,7 @@ from freefloat.ensemble.ensemble import EnsembleIntegrator
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.paths.curves import PolynomialCurve
 from freefloat.paths.orientation import FixedOrientation
-from freefloat.planning.space.mapping import sample_attitudes
+from freefloat.planning.space.map_sampling import sample_attitudes
 
 SAMPLES = (1024, 4096, 16_384)
 JOINTS = range(3, 9)

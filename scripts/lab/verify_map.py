@@ -30,7 +30,7 @@ from freefloat.planning.planner import plan
 from freefloat.planning.settings import Search
 from freefloat.planning.space.attitude_map import AttitudeMap
 from freefloat.planning.space.climbing import nearest_feasible
-from freefloat.planning.space.mapping import sample_attitudes, tangent_boundary
+from freefloat.planning.space.map_sampling import sample_attitudes, tangent_boundary
 from freefloat.so3 import angle_between, frozen, rotated
 
 SCENARIO = "spatial_6dof/line"

@@ -11,7 +11,7 @@ import time
 from pathlib import Path
 
 import freefloat as ff
-from freefloat.robot.bundled import bundled_scenarios
+from freefloat.robot.named_files import bundled_scenarios
 from freefloat.verification.check import CheckReport
 
 HEADINGS = (

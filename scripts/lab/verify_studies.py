@@ -30,7 +30,7 @@ from scipy.optimize import minimize_scalar
 
 import freefloat as ff
 from freefloat.ensemble.endings import DECIDERS, MOTION, NORMAL
-from freefloat.robot.bundled import find_scenario
+from freefloat.robot.named_files import find_scenario
 from freefloat.so3 import IntArray
 from freefloat.studies.columns import NUMBER, Columns
 from freefloat.studies.disturbances import Chunk

@@ -23,7 +23,7 @@ from typing import Any
 
 import psutil
 
-from freefloat.robot.bundled import find_study
+from freefloat.robot.named_files import find_study
 from freefloat.studies.rows import StudyRows
 
 RUNS, WORKERS = 20_000, 2

@@ -30,7 +30,7 @@ from freefloat.paths.timing import TimeLaw, Timing
 from freefloat.planning.margin_lines import PathOfPoint3, StatesOnPath
 from freefloat.planning.planar_touch_points import planar_touch_points
 from freefloat.planning.plane.ranges import heading_ranges
-from freefloat.planning.space.mapping import attitude_map
+from freefloat.planning.space.map_sampling import attitude_map
 from freefloat.planning.touch_points import end_points, touch_points
 from freefloat.regions.margin_curves import TwoAngleDeterminant, margin_curves
 from freefloat.regions.planar_regions import (

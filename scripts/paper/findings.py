@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 import freefloat as ff
-from freefloat.robot.bundled import find_robot
+from freefloat.robot.named_files import find_robot
 from paper.examples import (
     BAD_ATTITUDE,
     H_EXCHANGED,

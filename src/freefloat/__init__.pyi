@@ -29,7 +29,7 @@ from .planning.simulation import simulate as simulate
 from .regions.workspace import workspace_regions as workspace_regions
 from .regions.margin_curves import margin_curves as margin_curves
 from .planning.touch_points import touch_points as touch_points
-from .planning.space.mapping import attitude_map as attitude_map
+from .planning.space.map_sampling import attitude_map as attitude_map
 from .planning.settings import Search as Search
 from .planning.planner import plan as plan
 
@@ -47,7 +47,7 @@ from .errors import InputError as InputError
 # Beyond the paper: an arm on a spacecraft
 from .robot.parts import Payload as Payload
 from .robot.parts import Spacecraft as Spacecraft
-from .robot.robot_files import RobotSource as RobotSource
+from .robot.source import RobotSource as RobotSource
 
 # Beyond the paper: joint space
 from .beyond.joint_space.singularity_map import singularity_map as singularity_map

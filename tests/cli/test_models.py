@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 import freefloat as ff
 from freefloat.cli.models import catalogue
-from freefloat.robot.bundled import (
+from freefloat.robot.named_files import (
     bundled_robots,
     bundled_scenarios,
     bundled_studies,

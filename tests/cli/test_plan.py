@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 import freefloat as ff
-from freefloat.robot.bundled import models_folder
+from freefloat.robot.named_files import models_folder
 from tests.commands import document, run
 from tests.plans import planar_plan
 from tests.scenarios import PARABOLA, SEARCHED

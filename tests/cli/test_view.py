@@ -22,9 +22,9 @@ from PIL import Image, ImageSequence
 import freefloat as ff
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.planning.plan import Plan
-from freefloat.planning.space.mapping import sample_attitudes
+from freefloat.planning.space.map_sampling import sample_attitudes
+from freefloat.visualization import figures
 from freefloat.visualization.figure_style import new_figure
-from freefloat.visualization.figures import figures
 from freefloat.visualization.page.pictures import find_browser
 from tests.commands import document, error, run, without_progress
 

@@ -12,7 +12,7 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 import freefloat as ff
-from freefloat.robot.bundled import find_robot
+from freefloat.robot.named_files import find_robot
 from freefloat.so3 import angle_between
 from tests.motions import bundled
 from tests.robots import inertial_text, joint_text, link_text, numbers

@@ -9,8 +9,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import freefloat as ff
-from freefloat.dynamics.link_frames import inertial_row
-from freefloat.ensemble.disturbed_motions import ManyMotions
+from freefloat.dynamics.denavit_hartenberg import inertial_row
+from freefloat.ensemble.disturbed_verdicts import ManyMotions
 from freefloat.ensemble.robots import Robots
 from freefloat.motion.problem import Problem
 from freefloat.planning.motions import SimulatedBranch

@@ -24,7 +24,7 @@ import pytest
 import freefloat as ff
 from freefloat.paths.samples import samples_text
 from freefloat.robot.meshes import read_mesh
-from freefloat.robot.robot_files import MeshFileError, find_mesh
+from freefloat.robot.source import MeshFileError, find_mesh
 from freefloat.robot.validation import examine
 from freefloat.so3 import heading_quaternion
 from tests import samples as good

@@ -13,8 +13,8 @@ from scipy.spatial.transform import Rotation
 import freefloat as ff
 from freefloat.errors import InputError
 from freefloat.io.files import written_beside
-from freefloat.io.hdf5 import AlteredFileError
-from freefloat.robot.bundled import find_robot
+from freefloat.io.verified_hdf5 import AlteredFileError
+from freefloat.robot.named_files import find_robot
 from freefloat.verification.tolerances import differences
 from tests.plans import planar_plan
 from tests.result_files import altered, replaced, with_digest

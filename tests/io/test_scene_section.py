@@ -11,8 +11,8 @@ from scipy.spatial.transform import Rotation
 import freefloat as ff
 from freefloat.io.scenario.problem_text import scenario_of
 from freefloat.io.scenario.scenario import Scenario
-from freefloat.robot.bundled import find_scenario
 from freefloat.robot.description import RobotDescription
+from freefloat.robot.named_files import find_scenario
 from freefloat.robot.shapes import MeshFile
 from freefloat.scene.scene_body import EndEffectorPoses
 

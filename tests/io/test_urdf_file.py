@@ -14,8 +14,8 @@ import yourdfpy
 
 from freefloat.dynamics.momentum import inertia_matrices
 from freefloat.io.scenario.scenario import load_scenario
-from freefloat.robot.bundled import EXAMPLE, find_robot
 from freefloat.robot.model import FreeFloatingModel
+from freefloat.robot.named_files import EXAMPLE, find_robot
 from freefloat.robot.parts import Mount, Payload, Spacecraft
 from tests import commands
 from tests.robots import inertial_text, joint_text, link_text

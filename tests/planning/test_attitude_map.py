@@ -10,7 +10,11 @@ from freefloat.attitude_grids import attitude_grid, grid_spacing
 from freefloat.ensemble.endings import SINGULAR
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.planning.space.attitude_map import AttitudeMap, find_regions
-from freefloat.planning.space.mapping import boundary_points, sample_attitudes, tangent_boundary
+from freefloat.planning.space.map_sampling import (
+    boundary_points,
+    sample_attitudes,
+    tangent_boundary,
+)
 from freefloat.so3 import angle_between
 from tests.maps import branch_results
 

@@ -13,7 +13,7 @@ from freefloat.planning.limits import keeping as limit_keeping
 from freefloat.planning.limits.keeping import keep_limits
 from freefloat.planning.motions import evaluator_for, integrate_branch
 from freefloat.planning.plan import Plan
-from freefloat.planning.space.mapping import sample_attitudes
+from freefloat.planning.space.map_sampling import sample_attitudes
 from freefloat.so3 import heading_quaternion
 from tests.motions import bundled
 

@@ -10,7 +10,7 @@ import freefloat as ff
 from freefloat.planning import headings
 from freefloat.planning.motions import evaluator_for
 from freefloat.planning.plane.search import searched_ranges
-from freefloat.planning.space.mapping import sample_headings
+from freefloat.planning.space.map_sampling import sample_headings
 from freefloat.so3 import heading_quaternion
 from tests.motions import bundled
 

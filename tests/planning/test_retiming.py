@@ -11,7 +11,7 @@ from scipy.interpolate import CubicHermiteSpline
 import freefloat as ff
 from freefloat.planning.timing import retiming
 from freefloat.planning.timing.speed_profile import fastest_speeds, with_speeds
-from freefloat.robot.bundled import models_folder
+from freefloat.robot.named_files import models_folder
 from freefloat.so3 import heading_quaternion
 from freefloat.verification import range_checks
 from freefloat.verification.comparisons import Check

@@ -14,7 +14,7 @@ from freefloat.planning.space.attitude_map import AttitudeMap
 from freefloat.planning.space.choices import nearest_with_spare
 from freefloat.planning.space.climbing import nearest_feasible
 from freefloat.planning.space.deepest_ball import deepest
-from freefloat.planning.space.deviations import robust_radius
+from freefloat.planning.space.tolerated_deviations import robust_radius
 from freefloat.so3 import angle_between, rotated
 from tests.maps import branch_results
 

@@ -15,8 +15,8 @@ from freefloat.ensemble.ensemble import EnsembleIntegrator
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.ensemble.systems import Systems
 from freefloat.planning.candidates import SearchEffort, Tolerance
-from freefloat.planning.space import deepest_ball, deviations
-from freefloat.planning.space.deviations import tolerance
+from freefloat.planning.space import deepest_ball, tolerated_deviations
+from freefloat.planning.space.tolerated_deviations import tolerance
 from tests.motions import bundled
 
 
@@ -149,7 +149,7 @@ def test_scaling_duration_and_momentum_is_equivalent(drifting: Case) -> None:
 def test_the_attitude_tolerance_of_a_redundant_arm_is_that_of_its_chosen_motion(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    for search in (deviations, deepest_ball):
+    for search in (tolerated_deviations, deepest_ball):
         monkeypatch.setattr(search, "EFFORT", SearchEffort(256, 6))
     problem = bundled("panda_servicer/line")
     plan = ff.plan(problem, ff.Search("robust", samples=8))

@@ -7,7 +7,7 @@ import pytest
 
 import freefloat as ff
 from freefloat.dynamics.momentum import end_effector_jacobian
-from freefloat.robot.bundled import models_folder
+from freefloat.robot.named_files import models_folder
 from tests.errors import error_key
 from tests.motions import from_here
 

@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 import trimesh
 
-from freefloat.robot.bundled import examples_folder
 from freefloat.robot.meshes import Part, read_mesh
-from freefloat.robot.robot_files import MeshFileError, find_mesh
+from freefloat.robot.named_files import examples_folder
+from freefloat.robot.source import MeshFileError, find_mesh
 
 EXAMPLES = [
     examples_folder() / file

@@ -13,7 +13,7 @@ import pytest
 
 import freefloat as ff
 from freefloat.dynamics.inverse_dynamics import InverseDynamics
-from freefloat.robot.bundled import example_robot, example_robots
+from freefloat.robot.named_files import example_robot, example_robots
 from freefloat.robot.shapes import MeshFile
 from tests.errors import error_key
 from tests.motions import bundled

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 import freefloat as ff
 from freefloat.errors import ModelError
-from freefloat.robot.bundled import example_robots, models_folder
+from freefloat.robot.named_files import example_robots, models_folder
 from freefloat.robot.shapes import MeshFile
 from freefloat.robot.urdf import parse_urdf
 from freefloat.robot.validation import read_urdf

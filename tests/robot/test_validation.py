@@ -14,8 +14,8 @@ from scipy.spatial.transform import Rotation
 
 import freefloat as ff
 from freefloat.errors import ModelError
-from freefloat.robot.bundled import example_robots, models_folder
 from freefloat.robot.description import Severity
+from freefloat.robot.named_files import example_robots, models_folder
 from freefloat.robot.validation import examine, read_urdf
 from tests.broken_robots import BUS, FAULTS, VALID, Fault, link
 from tests.commands import document, run

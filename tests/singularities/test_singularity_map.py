@@ -10,7 +10,7 @@ import pytest
 import freefloat as ff
 from freefloat.beyond.joint_space.singularity_map import Kind, SingularityMap
 from freefloat.dynamics.joint_space import joint_box
-from freefloat.io.hdf5 import AlteredFileError
+from freefloat.io.verified_hdf5 import AlteredFileError
 from tests.motions import bundled
 from tests.result_files import altered, replaced
 from tests.robots import random_robot

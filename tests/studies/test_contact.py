@@ -9,8 +9,8 @@ import pytest
 import yaml
 
 import freefloat as ff
-from freefloat.robot.bundled import find_scenario
-from freefloat.studies.estimate import why_run_by_run
+from freefloat.robot.named_files import find_scenario
+from freefloat.studies.dry_run import why_run_by_run
 from freefloat.studies.study import Study
 from tests.commands import document, run
 from tests.example_studies import a_study

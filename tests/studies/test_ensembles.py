@@ -11,8 +11,8 @@ import pytest
 
 import freefloat as ff
 from freefloat.studies.disturbances import group_numbers
+from freefloat.studies.dry_run import why_run_by_run
 from freefloat.studies.ensembles import chunks, computed
-from freefloat.studies.estimate import why_run_by_run
 from freefloat.studies.groups import grouped
 from freefloat.studies.run import execute
 from freefloat.studies.runner import run_study

@@ -19,7 +19,7 @@ from freefloat.beyond.formats.mjcf_file import robot_mjcf
 from freefloat.io.results import load
 from freefloat.io.scenario.scenario import load_scenario
 from freefloat.planning.simulation import simulate
-from freefloat.robot.bundled import find_scenario
+from freefloat.robot.named_files import find_scenario
 from freefloat.so3 import heading_quaternion
 from freefloat.studies.run import RunResult, execute
 from freefloat.studies.workers import PortableStudy, study_files

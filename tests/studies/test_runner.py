@@ -20,9 +20,9 @@ import pytest
 import yaml
 
 from freefloat.io.results import load
-from freefloat.robot.bundled import find_scenario, models_folder
+from freefloat.robot.named_files import find_scenario, models_folder
 from freefloat.studies.database import open_results
-from freefloat.studies.estimate import estimate_study
+from freefloat.studies.dry_run import estimate_study
 from freefloat.studies.loading import load_study
 from freefloat.studies.run import execute
 from freefloat.studies.runner import run_study

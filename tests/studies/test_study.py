@@ -9,7 +9,7 @@ import pytest
 
 from freefloat.errors import InputError
 from freefloat.io.scenario.schema import ScenarioFile
-from freefloat.robot.bundled import bundled_scenarios, bundled_studies
+from freefloat.robot.named_files import bundled_scenarios, bundled_studies
 from freefloat.studies.loading import load_study
 from tests.errors import error_key
 from tests.example_studies import BASE, a_study, write_study

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 import freefloat as ff
-from freefloat.studies.estimate import why_run_by_run
+from freefloat.studies.dry_run import why_run_by_run
 from freefloat.studies.run import record_values
 from freefloat.studies.runner import run_study
 from freefloat.studies.study import Study

@@ -15,7 +15,7 @@ from freefloat.beyond.studio.analyses import PathAnalysis
 from freefloat.beyond.studio.analysis import RobotCache
 from freefloat.beyond.studio.messages import WorkerState
 from freefloat.io.scenario.scenario import parse_scenario
-from freefloat.robot.bundled import find_scenario
+from freefloat.robot.named_files import find_scenario
 
 
 def analysis(name: str, **changes: Any) -> tuple[PathAnalysis, WorkerState]:

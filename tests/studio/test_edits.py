@@ -21,7 +21,7 @@ from freefloat.beyond.studio.messages import (
     TurnEnd,
     WorkerState,
 )  # fmt: skip
-from freefloat.robot.bundled import find_scenario
+from freefloat.robot.named_files import find_scenario
 from tests.errors import error_key
 
 ONE = {"gesture": "1", "done": True}

@@ -17,7 +17,7 @@ from freefloat.motion import integration
 from freefloat.motion.margin import keeps_threshold
 from freefloat.motion.motion import Ending
 from freefloat.paths.curves import PolynomialCurve
-from freefloat.robot.bundled import models_folder
+from freefloat.robot.named_files import models_folder
 from freefloat.so3 import heading_of
 from tests.motions import GOOD, along, bundled, compiled_motion, heading, lasting, simulated
 from tests.robots import in_units

@@ -12,8 +12,8 @@ from scipy.special import ellipj
 
 import freefloat as ff
 from freefloat.limits.pairs import CollisionPairs
-from freefloat.robot.robot_files import find_mesh
 from freefloat.robot.shapes import MeshFile
+from freefloat.robot.source import find_mesh
 from freefloat.so3 import Pose
 from tests.prismatic import shape_text
 from tests.robots import random_robot

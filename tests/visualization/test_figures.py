@@ -15,8 +15,8 @@ from freefloat.planning.plan import Plan
 from freefloat.planning.plane.arcs import BranchRanges, HeadingRange
 from freefloat.regions.planar_regions import PlanarArm, two_angles
 from freefloat.so3 import heading_quaternion
+from freefloat.visualization import figures as figures_module
 from freefloat.visualization.figure_style import GREEN
-from freefloat.visualization.figures import figures as figures_module
 from freefloat.visualization.planar_figures import headings_figure, joint_space_figure
 from tests.figures import labels, line
 from tests.maps import branch_results

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 import freefloat as ff
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
-from freefloat.planning.space.mapping import sample_attitudes
+from freefloat.planning.space.map_sampling import sample_attitudes
 from freefloat.visualization.figure_style import BLUE, LIGHT, PALE
 from freefloat.visualization.map_figures import histogram_figure, slices_figure
 from freefloat.visualization.slices import Mark, map_slices

@@ -15,7 +15,7 @@ from freefloat.ensemble.endings import UNREACHED
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.planning.candidates import Ball, BoundaryPoint, Peak
 from freefloat.planning.space.attitude_map import AttitudeMap
-from freefloat.planning.space.mapping import sample_attitudes
+from freefloat.planning.space.map_sampling import sample_attitudes
 from freefloat.visualization.scenes import map_scene as maps
 from freefloat.visualization.scenes.description import MarginColours
 from freefloat.visualization.scenes.scene_builder import PageScene

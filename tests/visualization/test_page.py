@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 import freefloat as ff
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
-from freefloat.planning.space.mapping import sample_attitudes
+from freefloat.planning.space.map_sampling import sample_attitudes
 from freefloat.so3 import heading_quaternion
 from freefloat.visualization.page import pictures
 from freefloat.visualization.scenes.map_scene import BACK, BALL, BEST_BRANCH, FRONT

@@ -11,8 +11,8 @@ import pytest
 import trimesh
 
 import freefloat as ff
-from freefloat.robot.bundled import examples_folder, find_robot
 from freefloat.robot.meshes import Mesh
+from freefloat.robot.named_files import examples_folder, find_robot
 from freefloat.visualization.scenes.visuals import Visual, Visuals, robot_visuals
 from tests.robots import inertial_text, joint_text, link_text
 

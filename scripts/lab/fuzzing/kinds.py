@@ -32,7 +32,7 @@ from freefloat.paths.samples import parse_samples, samples_text
 from freefloat.planning.simulation import Simulation
 from freefloat.robot.meshes import read_mesh
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.robot.robot_files import MeshFileError
+from freefloat.robot.source import MeshFileError
 from freefloat.robot.validation import examine
 from freefloat.studies.loading import load_study
 from freefloat.studies.workers import study_files

@@ -69,8 +69,8 @@ def assemble(
     """
     from freefloat.io.scenario.scenario import load_robot
     from freefloat.io.urdf_file import write_urdf
-    from freefloat.robot.bundled import is_scenario
     from freefloat.robot.model import FreeFloatingModel
+    from freefloat.robot.named_files import is_scenario
 
     values = {"mass": mass, "inertia": inertia, "size": size, "mount": mount}
     craft = {key: value for key, value in values.items() if value is not None}

@@ -17,7 +17,7 @@ from freefloat.errors import InputError, MissingExtraError
 from freefloat.io.files import make_folder, require_writable, written_beside
 
 if TYPE_CHECKING:
-    from freefloat.studies.estimate import StudyEstimate
+    from freefloat.studies.dry_run import StudyEstimate
     from freefloat.studies.results import Combination, StudyResult
     from freefloat.studies.study import Study
 
@@ -75,7 +75,7 @@ def batch(
 
     Example: freefloat batch spatial_6dof/montecarlo --run 17 -o run.h5
     """
-    from freefloat.studies.estimate import estimate_study, why_run_by_run
+    from freefloat.studies.dry_run import estimate_study, why_run_by_run
     from freefloat.studies.loading import load_study
     from freefloat.studies.runner import run_study
 
@@ -164,7 +164,7 @@ def _fraction(percent: str | None) -> float | None:
 
 def _estimate_tables(estimate: StudyEstimate) -> Iterator[RenderableType]:
     """The runs, and how long they will take."""
-    from freefloat.studies.estimate import why_run_by_run
+    from freefloat.studies.dry_run import why_run_by_run
     from freefloat.studies.runner import runs_text
 
     study = estimate.study

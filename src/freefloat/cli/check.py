@@ -39,9 +39,9 @@ def check(
 
     Example: freefloat check plan.h5 --engine mujoco
     """
-    from freefloat.io.hdf5 import AlteredFileError
     from freefloat.io.results import GIVEN, UNVERIFIED, load
     from freefloat.io.scenario.yaml import error_context
+    from freefloat.io.verified_hdf5 import AlteredFileError
     from freefloat.verification.check import PINOCCHIO, CheckReport, other_engine
     from freefloat.verification.check import check as verify
     from freefloat.verification.comparisons import Check

@@ -86,14 +86,14 @@ class BundledFile:
 
 def catalogue() -> dict[str, list[BundledFile]]:
     """All bundled robots, scenarios and studies."""
-    from freefloat.robot import bundled
+    from freefloat.robot import named_files
 
-    robots = bundled.bundled_robots()
-    scenarios = bundled.bundled_scenarios()
+    robots = named_files.bundled_robots()
+    scenarios, studies = named_files.bundled_scenarios(), named_files.bundled_studies()
     return {
-        "robots": [_robot(name, bundled.find_robot(name, Path())) for name in robots],
-        "scenarios": [_scenario(name, bundled.find_scenario(name)) for name in scenarios],
-        "studies": [_study(name, bundled.find_study(name)) for name in bundled.bundled_studies()],
+        "robots": [_robot(name, named_files.find_robot(name, Path())) for name in robots],
+        "scenarios": [_scenario(name, named_files.find_scenario(name)) for name in scenarios],
+        "studies": [_study(name, named_files.find_study(name)) for name in studies],
     }
 
 

@@ -25,10 +25,10 @@ def _completion(*kinds: str, suffixes: tuple[str, ...] = ()) -> Callable[[str], 
     """The completion of bundled names of some kinds and of files with some suffixes."""
 
     def complete(incomplete: str) -> list[str]:
-        from freefloat.robot import bundled
-        from freefloat.robot.bundled import EXAMPLE, example_robots
+        from freefloat.robot import named_files
+        from freefloat.robot.named_files import EXAMPLE, example_robots
 
-        known = [name for kind in kinds for name in getattr(bundled, f"bundled_{kind}")()]
+        known = [name for kind in kinds for name in getattr(named_files, f"bundled_{kind}")()]
         if incomplete and "robots" in kinds:  # without a first letter they would be too many
             with suppress(InputError):
                 known += [EXAMPLE + name for name in sorted(example_robots())]

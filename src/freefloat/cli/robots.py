@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from freefloat.robot.description import UrdfDiagnostic
     from freefloat.robot.model import FreeFloatingModel
     from freefloat.robot.not_read import NotRead
-    from freefloat.robot.robot_files import RobotSource
+    from freefloat.robot.source import RobotSource
 
 _SHOWN = 3
 """Links or joints that are named of those with the same problem."""
@@ -88,12 +88,12 @@ def load_robot(
     from freefloat.dynamics.measures import singularity_measure
     from freefloat.dynamics.summary import natural_task
     from freefloat.io.scenario.scenario import load_scenario
-    from freefloat.robot import bundled
-    from freefloat.robot.bundled import DESCRIPTIONS, EXAMPLE
+    from freefloat.robot import named_files
     from freefloat.robot.model import FreeFloatingModel
+    from freefloat.robot.named_files import DESCRIPTIONS, EXAMPLE
     from freefloat.robot.validation import examine
 
-    if bundled.is_scenario(robot):
+    if named_files.is_scenario(robot):
         for option, value in {"end_effector": end_effector, **file_options.given}.items():
             if value:
                 raise InputError(option, "the scenario names it already", "a URDF with it")
@@ -111,18 +111,20 @@ def load_robot(
         task = natural_task(loaded.model())
         measure = singularity_measure(loaded.model(), task, "gjm")
         return LoadedRobot(loaded.model(), task, measure, diagnostics, loaded)
-    named = robot.startswith((EXAMPLE, DESCRIPTIONS)) or robot in bundled.bundled_robots()
-    if named or bundled.is_file(Path(robot)):
+    named = robot.startswith((EXAMPLE, DESCRIPTIONS)) or robot in named_files.bundled_robots()
+    if named or named_files.is_file(Path(robot)):
         source = robot_source(robot, file_options)
         diagnostics = _require_no_error(console, examine(source))
         model = FreeFloatingModel.from_urdf(source, end_effector)
         task = natural_task(model)
         return LoadedRobot(model, task, singularity_measure(model, task, "gjm"), diagnostics)
-    if scenarios := [name for name in bundled.bundled_scenarios() if name.startswith(f"{robot}/")]:
+    if scenarios := [
+        name for name in named_files.bundled_scenarios() if name.startswith(f"{robot}/")
+    ]:
         accepted = f"one of them: {', '.join(scenarios)}"
         raise InputError("robot", f"{robot} is assembled in scenarios, not a URDF", accepted)
-    names = (*bundled.bundled_robots(), *bundled.bundled_scenarios())
-    raise bundled.unknown("robot", robot, names, "a URDF, a scenario file, or one of")
+    names = (*named_files.bundled_robots(), *named_files.bundled_scenarios())
+    raise named_files.unknown("robot", robot, names, "a URDF, a scenario file, or one of")
 
 
 def robot_source(robot: str, options: FileOptions) -> RobotSource:
@@ -132,8 +134,8 @@ def robot_source(robot: str, options: FileOptions) -> RobotSource:
         InputError: If there is no such robot, a package is not ``NAME=FOLDER``, or an argument of a
             xacro file is not ``NAME=VALUE`` or has two values.
     """
-    from freefloat.robot.bundled import find_robot
-    from freefloat.robot.robot_files import RobotSource
+    from freefloat.robot.named_files import find_robot
+    from freefloat.robot.source import RobotSource
 
     folders = {}
     for text in options.package or ():

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from freefloat.dynamics.link_frames import LinkFrames, frames_at_zero, in_frame
+from freefloat.dynamics.denavit_hartenberg import LinkFrames, frames_at_zero, in_frame
 from freefloat.dynamics.virtual_manipulator import meeting_point
 from freefloat.errors import InputError
 from freefloat.so3 import Array, BoolArray

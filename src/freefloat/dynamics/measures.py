@@ -14,12 +14,12 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from freefloat.dynamics.arm_factor import ArmPlane
+from freefloat.dynamics.denavit_hartenberg import link_frames
 from freefloat.dynamics.generalized_jacobian import (
     generalized_determinant,
     generalized_jacobian,
     system_matrix,
 )
-from freefloat.dynamics.link_frames import link_frames
 from freefloat.dynamics.tasks import (
     Task,
     base_rotations,

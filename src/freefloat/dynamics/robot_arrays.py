@@ -7,14 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from freefloat.dynamics.kernels.robot import TOTAL_MASS, FurtherArms, Robot
-from freefloat.dynamics.link_frames import (
+from freefloat.dynamics.denavit_hartenberg import (
     LinkFrames,
     in_frame,
     inertial_row,
     link_frames,
     robot_properties,
 )
+from freefloat.dynamics.kernels.robot import TOTAL_MASS, FurtherArms, Robot
 from freefloat.dynamics.measures import unit_of_length
 from freefloat.dynamics.plane import LEVEL, Plane
 from freefloat.dynamics.redundancy import singular_speed

@@ -8,8 +8,8 @@ from functools import lru_cache
 import numpy as np
 
 from freefloat.dynamics.arm_factor import ArmPlane
+from freefloat.dynamics.denavit_hartenberg import LinkFrames, frames_at_zero, in_frame, link_frames
 from freefloat.dynamics.kernels.robot import REACH, FurtherArms, Robot
-from freefloat.dynamics.link_frames import LinkFrames, frames_at_zero, in_frame, link_frames
 from freefloat.dynamics.measures import KEYS, unit_of_length
 from freefloat.dynamics.redundancy import Metric, Toward, joint_weights, range_centres
 from freefloat.dynamics.robot_arrays import KernelAxes, kernel_robot, spacecraft_moments

@@ -9,7 +9,7 @@ from functools import cached_property, reduce
 import numpy as np
 
 from freefloat.dynamics.arm_factor import ArmPlane
-from freefloat.dynamics.link_frames import (
+from freefloat.dynamics.denavit_hartenberg import (
     LinkFrames,
     frames_at_zero,
     in_frame,

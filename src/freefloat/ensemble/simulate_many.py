@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from freefloat.concurrency import Progress
-from freefloat.ensemble.disturbed_motions import ManyMotions, integrate_disturbed
+from freefloat.ensemble.disturbed_verdicts import ManyMotions, integrate_disturbed
 from freefloat.ensemble.robots import Robots
 from freefloat.ensemble.systems import FACTORS, broadcast, equivalents
 from freefloat.errors import InputError, number_array, whole_number

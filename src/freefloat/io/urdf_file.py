@@ -23,7 +23,7 @@ from freefloat.robot.description import Joint
 from freefloat.robot.free_base import add_table
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.rigid_bodies import held_value
-from freefloat.robot.robot_files import MeshFileError, find_mesh
+from freefloat.robot.source import MeshFileError, find_mesh
 from freefloat.robot.urdf import rename_meshes
 from freefloat.robot.urdf_xml import Element
 from freefloat.so3 import UPRIGHT, Array

@@ -11,7 +11,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.polynomial import chebyshev
 
-from freefloat.dynamics.link_frames import frames_at_zero, in_frame, joints_at_zero
+from freefloat.dynamics.denavit_hartenberg import frames_at_zero, in_frame, joints_at_zero
 from freefloat.ensemble.ensemble import RecordedMotions, in_panels
 from freefloat.ensemble.known_limits import LimitValues
 from freefloat.ensemble.robots import Robots

@@ -33,7 +33,7 @@ from freefloat.paths.orientation import FreeOrientation
 from freefloat.paths.path import EndEffectorPath
 from freefloat.paths.timed_path import TimedPath, path_key
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.robot.robot_files import RobotSource
+from freefloat.robot.source import RobotSource
 from freefloat.scene.scene import Scene
 from freefloat.so3 import Array, IntArray, frozen, zeros
 

@@ -11,7 +11,7 @@ import numpy as np
 from freefloat.errors import LARGEST_NUMBER, InputError
 from freefloat.paths.curves import SplineCurve
 from freefloat.paths.orientation import OrientationSpline
-from freefloat.robot.bundled import read_text
+from freefloat.robot.named_files import read_text
 from freefloat.so3 import Array, unit_quaternion
 
 _QUATERNION = ("qx", "qy", "qz", "qw")

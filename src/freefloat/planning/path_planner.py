@@ -36,8 +36,8 @@ from freefloat.planning.reasons import HELD, NOT_UNIQUE, margin_text
 from freefloat.planning.settings import PLAN_ATTITUDES, Search
 from freefloat.planning.space.choices import SampledChoices
 from freefloat.planning.space.climbing import is_unique
-from freefloat.planning.space.deviations import EFFORT, radius_around, tolerance
-from freefloat.planning.space.mapping import sample_attitudes
+from freefloat.planning.space.map_sampling import sample_attitudes
+from freefloat.planning.space.tolerated_deviations import EFFORT, radius_around, tolerance
 
 _SAMPLING = 0.6
 """Fraction of the computing time of spatial plans, for the progress reported."""

@@ -17,7 +17,7 @@ from freefloat.errors import InputError, ModelError, did_you_mean, require_type
 from freefloat.robot.description import RobotDescription, rpy_rotation
 from freefloat.robot.not_read import shown_tag
 from freefloat.robot.parts import Attachment, Mount, Payload, Spacecraft
-from freefloat.robot.robot_files import MeshFileError, RobotSource, find_mesh
+from freefloat.robot.source import MeshFileError, RobotSource, find_mesh
 from freefloat.robot.urdf import MOMENTS, decode, rename_meshes, revised
 from freefloat.robot.urdf_xml import MAGNITUDE, Element, require_version, text_of
 from freefloat.robot.validation import part_warnings, read_urdf

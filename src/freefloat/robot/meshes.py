@@ -16,8 +16,8 @@ import trimesh
 from lxml import etree
 
 from freefloat.robot.description import Colour
-from freefloat.robot.robot_files import MeshFileError
 from freefloat.robot.shapes import Capsule
+from freefloat.robot.source import MeshFileError
 from freefloat.so3 import Array, IntArray, frozen
 
 _FORMATS = (".dae", ".stl", ".obj", ".ply", ".off", ".gltf", ".glb")

@@ -15,12 +15,12 @@ import pinocchio as pin
 from freefloat.errors import InputError, ModelError, member, require_type
 from freefloat.robot.assembly import assemble, end_effector_link, scaled
 from freefloat.robot.base import Base
-from freefloat.robot.bundled import find_robot
+from freefloat.robot.named_files import find_robot
 from freefloat.robot.parts import Attachment, Payload, Spacecraft
 from freefloat.robot.pinocchio_model import described
 from freefloat.robot.rigid_bodies import moving_joints, require_within_ranges
 from freefloat.robot.rigid_body_model import RigidBodyModel
-from freefloat.robot.robot_files import RobotSource
+from freefloat.robot.source import RobotSource
 from freefloat.so3 import Array
 
 

@@ -11,10 +11,10 @@ import numpy.typing as npt
 import pinocchio as pin
 
 from freefloat.errors import InputError, finite_number, finite_vector, number_array, require_type
-from freefloat.robot.bundled import is_file
 from freefloat.robot.description import rpy_rotation
+from freefloat.robot.named_files import is_file
 from freefloat.robot.plausibility import breaks_triangle
-from freefloat.robot.robot_files import RobotSource
+from freefloat.robot.source import RobotSource
 from freefloat.so3 import Array, Pose, frozen, zeros
 
 INERTIA = (

@@ -10,8 +10,8 @@ import numpy.typing as npt
 
 from freefloat.robot.description import IDENTITY, Joint, Link, RigidGroup, RobotDescription
 from freefloat.robot.flat_links import flat_links
-from freefloat.robot.robot_files import MeshFileError, find_mesh
 from freefloat.robot.shapes import MeshFile, corners
+from freefloat.robot.source import MeshFileError, find_mesh
 from freefloat.robot.urdf_xml import ROUNDED
 from freefloat.so3 import Array
 

@@ -30,8 +30,8 @@ from freefloat.robot.description import (
 )
 from freefloat.robot.free_base import with_free_base
 from freefloat.robot.not_read import SHAPES, what_is_not_read
-from freefloat.robot.robot_files import RobotSource
 from freefloat.robot.shapes import Box, Capsule, Cylinder, MeshFile, Shape, Sphere
+from freefloat.robot.source import RobotSource
 from freefloat.robot.urdf_xml import (
     PAIR,
     AttributeReader,

@@ -27,7 +27,7 @@ from freefloat.robot.plausibility import (
     root_masses,
     unusable_meshes,
 )
-from freefloat.robot.robot_files import URDF_TEXT, RobotSource
+from freefloat.robot.source import URDF_TEXT, RobotSource
 from freefloat.robot.urdf import parse_urdf
 
 _TREE = "one root link, every other link the child of exactly one joint, unique names"

@@ -11,8 +11,8 @@ from typing import Literal, NamedTuple, Protocol
 import numpy as np
 
 from freefloat.errors import InputError, finite_vector, require_type
-from freefloat.robot.bundled import find_robot, is_file
 from freefloat.robot.description import IDENTITY, Link, LinkShape, RobotDescription
+from freefloat.robot.named_files import find_robot, is_file
 from freefloat.robot.shapes import Box, Cylinder, MeshFile, Sphere
 from freefloat.robot.validation import read_urdf
 from freefloat.scene.tumbling import Tumbling

@@ -67,13 +67,13 @@ class StudyDatabase:
     @property
     def has_undisturbed_file(self) -> bool:
         """Whether the file of the undisturbed simulation is there, as it was written."""
-        from freefloat.io.hdf5 import is_whole  # imports slowly
+        from freefloat.io.verified_hdf5 import is_whole  # imports slowly
 
         return is_whole(self.folder / FILES / "undisturbed.h5")
 
     def worst_without_file(self, count: int) -> list[int]:
         """Numbers of those of the ``count`` runs with the smallest margins without a whole file."""
-        from freefloat.io.hdf5 import is_whole  # imports slowly
+        from freefloat.io.verified_hdf5 import is_whole  # imports slowly
 
         query = "SELECT number, file FROM runs WHERE margin IS NOT NULL ORDER BY margin, number"
         ranked = self.rows.query(f"{query} LIMIT {count}")

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from freefloat.concurrency import available_cores
-from freefloat.ensemble.disturbed_motions import ManyMotions
+from freefloat.ensemble.disturbed_verdicts import ManyMotions
 from freefloat.ensemble.endings import DECIDERS
 from freefloat.kinds import STUDY_COMMANDS, named
 from freefloat.motion.motion import Ending

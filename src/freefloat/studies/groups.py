@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from freefloat.ensemble.disturbed_motions import ManyMotions, integrate_disturbed
+from freefloat.ensemble.disturbed_verdicts import ManyMotions, integrate_disturbed
 from freefloat.ensemble.known_limits import KNOWN, KnownLimits, LimitValues
 from freefloat.ensemble.systems import ScaledMotions, equivalents
 from freefloat.errors import FreeFloatError

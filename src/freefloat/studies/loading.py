@@ -14,7 +14,7 @@ from freefloat.dynamics.tasks import Task
 from freefloat.errors import InputError
 from freefloat.io.scenario.schema import ScenarioFile
 from freefloat.io.scenario.yaml import parse_yaml, read_text, validated
-from freefloat.robot.bundled import find_scenario, find_study, is_file
+from freefloat.robot.named_files import find_scenario, find_study, is_file
 from freefloat.robot.parts import inertia_matrix
 from freefloat.so3 import unit_quaternion
 from freefloat.studies.sampling import MAX_RUNS

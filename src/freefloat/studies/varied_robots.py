@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from freefloat.dynamics.link_frames import inertial_row
+from freefloat.dynamics.denavit_hartenberg import inertial_row
 from freefloat.ensemble.robots import Robots
 from freefloat.io.scenario.robot_section import RobotSection
 from freefloat.robot.model import FreeFloatingModel

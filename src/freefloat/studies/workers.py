@@ -25,9 +25,9 @@ from typing import Any, TypeVar
 
 from freefloat.concurrency import interrupts_deferred, isolated_starts
 from freefloat.errors import InputError
-from freefloat.robot.bundled import is_file
-from freefloat.robot.robot_files import MeshFileError, RobotSource, find_mesh
+from freefloat.robot.named_files import is_file
 from freefloat.robot.shapes import MeshFile
+from freefloat.robot.source import MeshFileError, RobotSource, find_mesh
 from freefloat.robot.urdf import parse_urdf
 from freefloat.studies.study import Study
 

@@ -16,7 +16,7 @@ from freefloat.planning.candidates import Peak
 from freefloat.planning.margin_map import HeadingMap
 from freefloat.planning.motions import evaluator_for
 from freefloat.planning.space.attitude_map import AttitudeMap
-from freefloat.planning.space.mapping import attitude_map
+from freefloat.planning.space.map_sampling import attitude_map
 from freefloat.records import Known, Origin
 from freefloat.so3 import angle_between, frozen
 from freefloat.verification.check import PINOCCHIO, CheckReport

@@ -27,8 +27,13 @@ from freefloat.planning.plane.arcs import BranchRanges
 from freefloat.planning.plane.search import continued_motions
 from freefloat.planning.settings import PLAN_ATTITUDES
 from freefloat.planning.space.adversary import violations
-from freefloat.planning.space.deviations import LONGEST, NearbyAttitudes, radius_around, tolerance
-from freefloat.planning.space.mapping import sample_attitudes
+from freefloat.planning.space.map_sampling import sample_attitudes
+from freefloat.planning.space.tolerated_deviations import (
+    LONGEST,
+    NearbyAttitudes,
+    radius_around,
+    tolerance,
+)
 from freefloat.records import Known
 from freefloat.so3 import Array, BoolArray, rotated
 from freefloat.verification.comparisons import Check

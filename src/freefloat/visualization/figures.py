@@ -26,7 +26,7 @@ from freefloat.planning.plan import Plan
 from freefloat.planning.plane.arcs import BranchRanges
 from freefloat.planning.simulation import Simulation, simulate
 from freefloat.planning.space.attitude_map import AttitudeMap
-from freefloat.planning.space.mapping import sample_headings
+from freefloat.planning.space.map_sampling import sample_headings
 from freefloat.planning.touch_point import motion_through
 from freefloat.regions.margin_curves import has_regions
 from freefloat.regions.planar_regions import has_two_angle_form

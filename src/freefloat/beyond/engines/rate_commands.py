@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from freefloat.dynamics.link_frames import link_frames
+from freefloat.dynamics.denavit_hartenberg import link_frames
 from freefloat.dynamics.measures import SingularityMeasure
 from freefloat.dynamics.robot_arrays import KernelAxes
 from freefloat.dynamics.tasks import Task

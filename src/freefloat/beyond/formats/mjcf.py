@@ -31,8 +31,8 @@ from freefloat.beyond.formats.mjcf_tree import (
     line,
 )
 from freefloat.errors import ModelError, one_line
-from freefloat.robot.bundled import is_file
 from freefloat.robot.free_base import add_table
+from freefloat.robot.named_files import is_file
 from freefloat.robot.reader_process import MEMORY, UrdfText
 
 _EFFORT, _VELOCITY = "1e9", "1e9"

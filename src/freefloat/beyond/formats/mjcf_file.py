@@ -13,8 +13,8 @@ from freefloat.io.trajectory import Trajectory
 from freefloat.robot.description import LinkShape
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.rigid_bodies import Body
-from freefloat.robot.robot_files import MeshFileError, find_mesh
 from freefloat.robot.shapes import Box, Capsule, Cylinder, MeshFile, Sphere
+from freefloat.robot.source import MeshFileError, find_mesh
 from freefloat.rotations import Rotation, rotation_matrix
 from freefloat.so3 import Array, Pose
 

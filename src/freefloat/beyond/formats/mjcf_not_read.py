@@ -16,7 +16,7 @@ from lxml import etree
 
 from freefloat.beyond.formats.mjcf_bodies import SLIDE, base_joints
 from freefloat.beyond.formats.mjcf_tree import WORLD, body_name, joint_name, joints_of
-from freefloat.robot.bundled import read_text
+from freefloat.robot.named_files import read_text
 from freefloat.robot.not_read import NotRead
 
 Lines = Mapping[tuple[str, str], int]

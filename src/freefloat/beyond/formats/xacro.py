@@ -18,9 +18,9 @@ from typing import Any
 
 from freefloat.beyond.formats.xacro_expressions import evaluate
 from freefloat.errors import ModelError, did_you_mean, one_line
-from freefloat.robot.bundled import read_text
+from freefloat.robot.named_files import read_text
 from freefloat.robot.reader_process import Argument, UrdfText
-from freefloat.robot.robot_files import NAMED_PACKAGE, PACKAGES, find_package
+from freefloat.robot.source import NAMED_PACKAGE, PACKAGES, find_package
 
 _PREFIX = re.compile(r"<class '[^']*'>: ")
 """Name of an exception's class in messages of xacro."""

@@ -34,7 +34,7 @@ from freefloat.planning.path_planner import plan_attitude
 from freefloat.planning.planner import plan
 from freefloat.planning.reasons import reach_message
 from freefloat.planning.space.attitude_map import AttitudeMap
-from freefloat.planning.space.mapping import sample_attitudes, sample_headings
+from freefloat.planning.space.map_sampling import sample_attitudes, sample_headings
 from freefloat.visualization.scenes.overlays import thickness
 
 _ATTITUDES, _HEADINGS = (128, 1024, 8192), (120, 360)

@@ -28,7 +28,7 @@ from freefloat.beyond.studio.worker import WorkerProcess
 from freefloat.errors import FreeFloatError, InputError
 from freefloat.io.scenario.scenario import Scenario, load_scenario
 from freefloat.io.scenario.yaml import parse_yaml
-from freefloat.robot.bundled import bundled_scenarios
+from freefloat.robot.named_files import bundled_scenarios
 from freefloat.rotations import Rotation
 from freefloat.so3 import heading_quaternion
 

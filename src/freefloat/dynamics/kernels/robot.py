@@ -22,7 +22,7 @@ FRAME_COLUMNS, BODY_COLUMNS, JOINT_COLUMNS, TOOL_COLUMNS, END_COLUMNS = 8, 10, 1
 """Numbers of columns of ``Robot.joints``, of bodies, ``Solver.momenta``, ``Robot.tools`` and
 ``Solver.ends``."""
 COSINE, SINE, ALONG_X, ANGLE, ALONG_Z, PRISMATIC, TILT_COSINE, TILT_SINE = range(FRAME_COLUMNS)
-"""Columns of ``Robot.joints``, see :class:`freefloat.dynamics.link_frames.LinkFrames`."""
+"""Columns of ``Robot.joints``, see :class:`freefloat.dynamics.denavit_hartenberg.LinkFrames`."""
 MASS, MOMENT, DIAGONAL, PRODUCTS = 0, 1, 4, 7
 """Columns of the bodies."""
 TOTAL_MASS, REACH, BASES, BASE_SIZE = 0, 1, 2, 12
@@ -47,7 +47,7 @@ class FurtherArms(NamedTuple):
 class Robot(NamedTuple):
     """A robot whose arms follow paths, and its task.
 
-    See :class:`freefloat.dynamics.link_frames.LinkFrames`.
+    See :class:`freefloat.dynamics.denavit_hartenberg.LinkFrames`.
     """
 
     joints: Table  # of one arm after the other, (n, 8)

@@ -104,7 +104,7 @@ def arms_content(problem: Problem, paths: Mapping[str, dict[str, Any]]) -> dict[
 
 def _saved_curve(path: Path, key: str, joints: tuple[str, ...]) -> ArmCurve:
     """Joints of a saved motion, by name."""
-    from freefloat.io.hdf5 import read_hdf5  # h5py imports slowly
+    from freefloat.io.verified_hdf5 import read_hdf5  # h5py imports slowly
 
     try:
         tree = read_hdf5(path, _SAVED)

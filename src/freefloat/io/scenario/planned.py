@@ -112,7 +112,7 @@ class PlannedScenario:
 
         Args:
             samples: Number of attitudes; by default that of the search.
-            **options: As for :func:`~freefloat.planning.space.mapping.attitude_map`.
+            **options: As for :func:`~freefloat.planning.space.map_sampling.attitude_map`.
 
         Raises:
             InputError: As for that function.
@@ -121,7 +121,7 @@ class PlannedScenario:
             >>> round(ff.load_scenario("planar_2dof/line").map(24).feasible_fraction, 2)
             0.42
         """
-        from freefloat.planning.space.mapping import attitude_map
+        from freefloat.planning.space.map_sampling import attitude_map
 
         problem = self.problem()
         options = {"search": self.search(), "refine": True, **options}

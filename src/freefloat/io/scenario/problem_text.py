@@ -20,7 +20,7 @@ from freefloat.motion.problem import Problem
 from freefloat.motion.setting import Setting
 from freefloat.planning.objectives import NAMED, Weights
 from freefloat.planning.settings import Search
-from freefloat.robot.robot_files import URDF_TEXT
+from freefloat.robot.source import URDF_TEXT
 
 
 def scenario_of_result(result: Any) -> Scenario:

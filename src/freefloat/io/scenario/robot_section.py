@@ -28,11 +28,11 @@ from freefloat.io.scenario.field_types import (
 from freefloat.io.scenario.path_schema import PathSection
 from freefloat.io.scenario.yaml import error_context, file_keys
 from freefloat.robot.base import Base
-from freefloat.robot.bundled import find_robot
 from freefloat.robot.model import FreeFloatingModel
+from freefloat.robot.named_files import find_robot
 from freefloat.robot.parts import Attachment, Mount, Payload, Spacecraft
 from freefloat.robot.rigid_bodies import joints_of_arms, require_within_ranges
-from freefloat.robot.robot_files import RobotSource
+from freefloat.robot.source import RobotSource
 
 
 class MountSection(Section):

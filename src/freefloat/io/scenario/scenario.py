@@ -35,9 +35,9 @@ from freefloat.paths.relative_path import RelativePath
 from freefloat.paths.timed_path import PathStack, TimedPath, path_key
 from freefloat.paths.timing import Timing
 from freefloat.planning.settings import Search
-from freefloat.robot.bundled import find_scenario
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.robot.robot_files import RobotSource
+from freefloat.robot.named_files import find_scenario
+from freefloat.robot.source import RobotSource
 from freefloat.scene.scene import Scene
 from freefloat.scene.scene_body import SceneBody
 from freefloat.singularities.global_maximum import largest_magnitude

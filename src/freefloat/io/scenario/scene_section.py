@@ -26,8 +26,8 @@ from freefloat.io.scenario.field_types import (
     rotation_of,
 )
 from freefloat.io.scenario.yaml import file_keys
-from freefloat.robot.bundled import find_robot, is_file
 from freefloat.robot.description import RobotDescription
+from freefloat.robot.named_files import find_robot, is_file
 from freefloat.robot.shapes import Box, Cylinder, MeshFile, Sphere
 from freefloat.robot.validation import read_urdf
 from freefloat.scene.scene import Corridor, Scene

@@ -14,7 +14,7 @@ from freefloat.planning.limits.trials import Violations
 from freefloat.planning.plan import Plan
 from freefloat.planning.settings import PLAN_ATTITUDES, Search
 from freefloat.planning.space.attitude_map import AttitudeMap
-from freefloat.planning.space.mapping import sample_attitudes
+from freefloat.planning.space.map_sampling import sample_attitudes
 from freefloat.rotations import rotation_matrix
 from freefloat.so3 import Array, rotated
 

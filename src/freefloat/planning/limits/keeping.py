@@ -22,7 +22,7 @@ from freefloat.planning.motions import SimulatedBranch
 from freefloat.planning.plan import Plan
 from freefloat.planning.reasons import margin_text
 from freefloat.planning.settings import Search
-from freefloat.planning.space.deviations import radius_around
+from freefloat.planning.space.tolerated_deviations import radius_around
 from freefloat.so3 import Array, rotated, rotation_vector_to
 
 _HEADINGS = 720

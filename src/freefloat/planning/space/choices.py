@@ -24,7 +24,7 @@ from freefloat.planning.space.climbing import (
     separate_best,
 )
 from freefloat.planning.space.deepest_ball import deepest
-from freefloat.planning.space.deviations import robust_radius
+from freefloat.planning.space.tolerated_deviations import robust_radius
 from freefloat.so3 import Array, BoolArray, IntArray, angle_between, rotated
 
 _STARTS = 12

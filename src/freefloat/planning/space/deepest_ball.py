@@ -27,7 +27,7 @@ from freefloat.planning.pattern_search import (
 from freefloat.planning.settings import SearchDomain
 from freefloat.planning.space.adversary import BEYOND, CAUTION, violations
 from freefloat.planning.space.attitude_map import AttitudeMap
-from freefloat.planning.space.deviations import EFFORT, NearbyAttitudes, confirmed
+from freefloat.planning.space.tolerated_deviations import EFFORT, NearbyAttitudes, confirmed
 from freefloat.so3 import Array, IntArray, angle_between, rotation_vector_to
 
 _ROUNDS = 16

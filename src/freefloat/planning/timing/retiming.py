@@ -26,7 +26,7 @@ from freefloat.planning.motions import (
 from freefloat.planning.path_planner import certified, plan_held, plan_path, stretched_plan
 from freefloat.planning.plan import Plan
 from freefloat.planning.reasons import FASTEST, FIRST_GUESS, HELD, NO_FASTEST
-from freefloat.planning.space.deviations import tolerance
+from freefloat.planning.space.tolerated_deviations import tolerance
 from freefloat.planning.timing.speed_profile import (
     INTERVALS,
     fastest_speeds,

@@ -12,8 +12,8 @@ from freefloat.motion.motion import Motion
 from freefloat.robot.description import Colour, LinkShape
 from freefloat.robot.meshes import Mesh, capsule_mesh, read_mesh
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.robot.robot_files import MeshFileError, find_mesh
 from freefloat.robot.shapes import Box, Capsule, Cylinder, MeshFile, Sphere, corners
+from freefloat.robot.source import MeshFileError, find_mesh
 from freefloat.so3 import Array, Pose, axes_rotation
 
 _SPACECRAFT: Colour = (0.72, 0.73, 0.76, 1.0)

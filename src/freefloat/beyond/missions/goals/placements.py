@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from freefloat.dynamics.denavit_hartenberg import frames_at_zero, joints_at_zero, link_frames
 from freefloat.dynamics.kernels.configurations import Configurations
 from freefloat.dynamics.kernels.robot import Robot
-from freefloat.dynamics.link_frames import frames_at_zero, joints_at_zero, link_frames
 from freefloat.dynamics.robot_arrays import kernel_robot
 from freefloat.dynamics.tasks import Task
 from freefloat.robot.base import HORIZONTAL

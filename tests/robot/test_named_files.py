@@ -14,9 +14,9 @@ import pytest
 
 import freefloat as ff
 from freefloat.errors import ModelError
-from freefloat.robot import bundled
+from freefloat.robot import named_files
 from freefloat.robot.assembly import assemble
-from freefloat.robot.bundled import (
+from freefloat.robot.named_files import (
     EXAMPLE,
     bundled_scenarios,
     examples_folder,
@@ -114,7 +114,7 @@ def _not_installed(name: str) -> None:
 def test_without_the_package_the_message_says_how_to_get_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(bundled, "distribution", _not_installed)
+    monkeypatch.setattr(named_files, "distribution", _not_installed)
     monkeypatch.setattr(sysconfig, "get_path", lambda name: str(tmp_path))
     assert error_key(find_robot, f"{EXAMPLE}ur5", Path("/")) == "urdf"
 

@@ -13,7 +13,7 @@ from urllib.parse import unquote, urlsplit
 
 from freefloat.errors import InputError, ModelError, one_line, require_extra, require_type
 from freefloat.kinds import READERS
-from freefloat.robot.bundled import examples_folder, is_file, read_text
+from freefloat.robot.named_files import examples_folder, is_file, read_text
 from freefloat.robot.reader_process import UrdfText, run_reader
 
 URDF_TEXT = "URDF text"
