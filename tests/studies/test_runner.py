@@ -244,7 +244,7 @@ def test_workers_of_a_scheduler_get_the_same_rows(folder: Path, scheduler: str) 
 
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "nonsense://a"])
 def test_a_scheduler_that_is_silent_is_an_error(address: str, folder: Path, monkeypatch) -> None:
-    monkeypatch.setattr("freefloat.studies.scheduler._TIMEOUT", 1.0)
+    monkeypatch.setattr("freefloat.studies.dask_cluster._TIMEOUT", 1.0)
     assert error_key(run_study, a_study(folder), folder / "out", scheduler=address) == "scheduler"
 
 

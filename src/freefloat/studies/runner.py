@@ -214,7 +214,7 @@ class _Execution:
 
         todo = chunks(study, missing)
         if self.scheduler is not None:
-            from freefloat.studies.scheduler import completed_by_scheduler, computed_by_worker
+            from freefloat.studies.dask_cluster import completed_by_scheduler, computed_by_worker
 
             tasks = completed_by_scheduler(computed_by_worker, self.sent, todo, self.scheduler)
         elif study.has_slow_limits and self.workers > 1:
@@ -271,7 +271,7 @@ class _Execution:
             here = partial(execute_into, folder=folder) if save_files else execute
             completed = completed_in_pool(here, self.sent, numbers, self.workers)
         else:
-            from freefloat.studies.scheduler import completed_by_scheduler
+            from freefloat.studies.dask_cluster import completed_by_scheduler
 
             there = partial(execute, save_file=save_files)
             completed = completed_by_scheduler(there, self.sent, numbers, self.scheduler)
