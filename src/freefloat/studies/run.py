@@ -207,22 +207,22 @@ def verdict_values(answer: Answer) -> dict[str, Any]:
 
 def map_values(result: AttitudeMap | HeadingMap) -> dict[str, Any]:
     """The values of a map over attitudes or headings."""
-    feasible, best = result.feasible_found, result.best
+    problem, feasible, best = result.problem, result.feasible_found, result.best
     values = {
         "verdict": FEASIBLE if feasible else INFEASIBLE,
         "reason": "" if feasible else "no attitude tried keeps the margin",
+        "measure": problem.margin.measure.name,
         "margin": best and best.minimum_margin,
-        "margin_required": result.problem.margin.threshold,
+        "margin_required": problem.margin.threshold,
         "feasible_fraction": result.feasible_fraction,
         "motion_fraction": result.motion_fraction,
         "branch": best and best.branch,
         "robust_radius_deg": result.robust and degrees(result.robust.radius),
     }
-    if isinstance(result, AttitudeMap):
-        values["measure"] = result.problem.margin.measure.name
-    elif result.best:
-        values["heading_deg"] = degrees(result.best.heading)
-    return values | (attitude_values(best.attitude.tolist()) if best else {})
+    if best is None:
+        return values
+    heading = degrees(problem.plane.heading(best.attitude)) if problem.has_headings else None
+    return {**values, "heading_deg": heading, **attitude_values(best.attitude.tolist())}
 
 
 def motion_values(chosen: SimulatedBranch) -> dict[str, Any]:
