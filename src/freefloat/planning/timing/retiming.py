@@ -176,9 +176,9 @@ def _agreeing_plan(
 ) -> tuple[Plan, bool]:
     """The plan whose timing is the fastest one of its own motion, and whether it was found.
 
-    The attitude remains while its motion keeps margin and limits. Others are looked for with narrower
-    limits of attitude: at its own fastest timing a motion is a little different. Where rates or
-    torques are violated at any timing, they are looked for with the duration of the plan, or longer.
+    The attitude remains while its motion keeps margin and limits. Others are looked for with
+    narrower limits of attitude: at its own fastest timing a motion is a little different. Where
+    rates or torques are violated at any timing, the plan's duration or a longer one is tried once.
     """
     slow: Plan | None = None
     for number in range(_MOST):
