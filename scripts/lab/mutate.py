@@ -39,13 +39,13 @@ ARMS = "tests/motion/test_two_arms.py::test_plans_are_saved_loaded_and_checked"
 TESTS = {
     "dynamics.momentum": "tests/dynamics/test_momentum.py tests/validation/test_planar_golden.py",
     "io.results": "tests/io/test_results.py tests/io/test_scene_section.py "
-    f"tests/io/test_singularity_file.py {LOADED} {ARMS} {KINDS}",
+    f"tests/singularities/test_singularity_map.py {LOADED} {ARMS} {KINDS}",
     "kinds": "tests/test_result_kinds.py tests/io/test_export.py tests/studies/test_track.py",
     "limits": f"tests/limits {KINDS}",
     "motion.integration": "tests/motion/test_integration.py tests/motion/test_motion.py "
     "tests/motion/test_extrema.py",
     "motion.problem": "tests/motion/test_problem.py tests/test_misuse.py tests/scene "
-    "tests/motion/test_other_arms.py tests/motion/test_two_arms.py tests/limits/test_clearance.py",
+    "tests/motion/test_two_arms.py tests/limits/test_clearance.py",
     "motion.law": "tests/motion/test_law.py tests/motion/test_two_arms.py "
     "tests/validation/test_mujoco.py",
     "beyond.missions.manoeuvre_planner": "tests/missions/test_phases.py "

@@ -160,3 +160,14 @@ def test_a_limit_is_shown_by_its_name_in_degrees() -> None:
     assert result.where == "star tracker"
     assert result.sentence == f"at least 20 deg: {np.degrees(result.worst):.4g}"
     assert scenario.limits().pointing[0].to_dict() | {"angle_deg": 20.0} == cone
+
+
+@pytest.mark.parametrize("keep", ["inside", "outside"])
+@pytest.mark.parametrize("angle", [0.4, 2.5])
+def test_narrower_limits_leave_less_room(keep: str, angle: float) -> None:
+    limit = ff.PointingLimit("spacecraft", [0, 0, 1], angle, direction=[1, 0, 0], keep=keep)
+    narrower = Limits(pointing=(limit,), base_turn=1.0).narrower(0.1)
+    (narrow,) = narrower.pointing
+    assert narrower.base_turn == pytest.approx(0.9)
+    room = [a if keep == "inside" else np.pi - a for a in (narrow.angle, angle)]
+    assert 0.85 * room[1] < room[0] < room[1]
