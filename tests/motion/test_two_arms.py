@@ -264,3 +264,9 @@ def test_what_needs_one_moving_arm_refuses_others(scenario):
         assert error_key(call, *arguments) == "robot.arms", call
     varied = {"headings": [3.3], "scale_mass": {"link_1": [1.1]}}
     assert error_key(ff.simulate_many, problem, **varied) == "robot.arms"
+
+
+def test_every_arm_on_a_path_has_one():
+    problem = ff.load_scenario(BOTH).problem()
+    first, *_ = problem.path.by_arm.values()
+    assert error_key(problem.replace, path=first) == "robot.arms"
