@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import resource
 import sys
 import tempfile
-import time
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from shutil import rmtree
@@ -19,7 +16,7 @@ import freefloat as ff
 from benchmarks.costs import PROGRAM, run
 from benchmarks.motions import ATTITUDE
 from benchmarks.plain import PlainMotion
-from benchmarks.result import Result, race
+from benchmarks.result import Result, processor_time, race
 from freefloat.beyond.engines.mujoco import start
 from freefloat.beyond.engines.mujoco_model import MuJoCoModel
 from freefloat.beyond.engines.tracking import track_many
@@ -142,19 +139,6 @@ pathlib.Path(sys.argv[1]).write_text(str(peak), "utf-8")
 sys.exit(code)
 """
 """Notes the memory of a command: a process begins with the peak of the one that starts it."""
-
-
-def processor_time(work: Callable[[], object]) -> tuple[float, float]:
-    """Duration and processor time of a function and the processes that it starts [s]."""
-
-    def used() -> float:
-        processes = resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN
-        usages = [resource.getrusage(process) for process in processes]
-        return sum(usage.ru_utime + usage.ru_stime for usage in usages)
-
-    start, before = time.perf_counter(), used()
-    work()
-    return time.perf_counter() - start, used() - before
 
 
 def study(case: Case, quick: bool) -> list[Result]:

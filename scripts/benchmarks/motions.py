@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from functools import partial
 
@@ -10,7 +9,7 @@ import numpy as np
 
 import freefloat as ff
 from benchmarks.plain import PlainMotion
-from benchmarks.result import Result, race
+from benchmarks.result import Result, processor_time, race
 from freefloat.attitude_grids import attitude_grid
 from freefloat.ensemble.compiled_motions import precise_motion
 from freefloat.ensemble.endings import COMPLETED
@@ -193,13 +192,8 @@ def plans() -> list[Result]:
 
 def least_times(work: Callable[[], object], rounds: int) -> tuple[float, float]:
     """Least duration and processor time of a function [s]."""
-    best = np.full(2, np.inf)
-    for _ in range(rounds):
-        start, used = time.perf_counter(), time.process_time()
-        work()
-        best = np.minimum(best, [time.perf_counter() - start, time.process_time() - used])
-    seconds, processor = best.tolist()
-    return seconds, processor
+    seconds, used = np.min([processor_time(work) for _ in range(rounds)], axis=0).tolist()
+    return seconds, used
 
 
 def motion_results(quick: bool) -> list[Result]:

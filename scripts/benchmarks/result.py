@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import resource
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
@@ -62,6 +63,19 @@ def race(*contestants: Callable[[], object], rounds: int) -> list[float]:
             contestant()
             best[i] = min(best[i], time.perf_counter() - start)
     return best
+
+
+def processor_time(work: Callable[[], object]) -> tuple[float, float]:
+    """Duration and processor time of a function and the processes that it starts [s]."""
+
+    def used() -> float:
+        processes = resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN
+        usages = [resource.getrusage(process) for process in processes]
+        return sum(usage.ru_utime + usage.ru_stime for usage in usages)
+
+    start, before = time.perf_counter(), used()
+    work()
+    return time.perf_counter() - start, used() - before
 
 
 def computer_name() -> str:

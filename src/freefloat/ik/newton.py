@@ -34,7 +34,7 @@ _PATIENCE = 4
 """Largest number of consecutive steps that hardly reduce the residual."""
 _CONFIGURATIONS = 32768
 _PROBES = 512
-"""Configurations whose distance from the samples tells how densely these cover what is reached."""
+"""Configurations from whose distances to the samples the spacing of the samples follows."""
 _NEARBY, _CAUTION = 0.05, 2.0
 """Poses are out of reach whose distance exceeds both this and the largest of all probes, times this
 factor."""

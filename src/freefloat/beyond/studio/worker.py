@@ -24,7 +24,7 @@ if TYPE_CHECKING:  # the server, which starts the process, needs no planner
 _PATIENCE = 180.0
 """Time without an answer after which a busy worker is replaced [s]; compiling takes 30 s."""
 _CLOSING = 2.0
-"""Time in which a process that was told to end must have ended [s]."""
+"""Time within which a process ends after its termination was requested [s]."""
 _PAUSES = 0.0, 1.0, 5.0, 30.0
 """Pauses before a process is started again that died before any answer [s]; the last repeats."""
 
