@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from freefloat.beyond.formats.mjcf_bodies import (
+from freefloat.beyond.formats.mjcf_not_read import SHAPES, not_read
+from freefloat.beyond.formats.mjcf_spacecraft import (
     SLIDE,
     base_joints,
     bodies_of,
@@ -21,7 +22,6 @@ from freefloat.beyond.formats.mjcf_bodies import (
     moving_joints,
     root_body,
 )
-from freefloat.beyond.formats.mjcf_not_read import SHAPES, not_read
 from freefloat.beyond.formats.mjcf_tree import (
     WORLD,
     bodies_in_world,

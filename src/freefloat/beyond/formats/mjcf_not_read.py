@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from lxml import etree
 
-from freefloat.beyond.formats.mjcf_bodies import SLIDE, base_joints
+from freefloat.beyond.formats.mjcf_spacecraft import SLIDE, base_joints
 from freefloat.beyond.formats.mjcf_tree import WORLD, body_name, joint_name, joints_of
 from freefloat.robot.named_files import read_text
 from freefloat.robot.not_read import NotRead

@@ -1,4 +1,4 @@
-"""Bodies of a model of MuJoCo: their names, their joints, and the one that is the spacecraft."""
+"""The body of a MuJoCo model that is the spacecraft, how it moves, and the bodies of the robot."""
 
 from __future__ import annotations
 
