@@ -121,7 +121,9 @@ def test_each_motion_of_an_answer_is_exported(name: str, tmp_path: Path) -> None
     files = sorted(tmp_path.glob("motion*.csv"))
     assert len(files) == len(moving)
     for file, phase in zip(files, moving, strict=True):
-        assert tuple(phase.limit_results) == tuple(ff.check_limits(phase.motion, phase.limits))
+        assert tuple(phase.limit_results) == tuple(
+            ff.check_limits(phase.motion, phase.result.limits)
+        )
         table = np.loadtxt(file, delimiter=",", skiprows=1)
         np.testing.assert_allclose(table[[0, -1], 0], phase.start + phase.motion.times[[0, -1]])
 

@@ -86,11 +86,6 @@ class PhaseResult:
         return self.result.reason
 
     @property
-    def limits(self) -> Limits | None:
-        """Limits that were required; None where none were checked."""
-        return self.result.limits
-
-    @property
     def limit_results(self) -> Sequence[LimitResult]:
         """Limits along the motion."""
         return self.result.limit_results

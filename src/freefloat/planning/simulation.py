@@ -16,7 +16,7 @@ from freefloat.limits.result import LimitResult, violated
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem, require_problem
 from freefloat.planning.answer import Answer, PhaseResult
-from freefloat.planning.motions import SimulatedBranch, integrate_from
+from freefloat.planning.motions import SimulatedBranch, integrate_branch, integrate_from
 from freefloat.planning.reasons import Verdict, reach_message, unreachable
 from freefloat.so3 import Array
 
@@ -143,11 +143,8 @@ def simulate(
         integrate_from(problem, attitude, start, stop_at_margin=stop_at_margin, tolerance=tolerance)
         for start in branches
     ]
-    ranked = sorted(simulated, key=_score, reverse=True)
-    candidates = [entry for entry in ranked if entry.feasible] or ranked[:1]
-    if requested is not None:
-        candidates = [simulated[branches.index(requested)]]
-    checked = _within_limits(candidates, checker)
+    asked = None if requested is None else [simulated[branches.index(requested)]]
+    checked = _within_limits(asked or _candidates(simulated), checker)
     chosen, results = checked[0]
     contact = deepest_contact(chosen.motion, results)
     verdicts = {entry.branch.index: entry.verdict(results) for entry, results in checked if results}
@@ -175,6 +172,21 @@ def _branches(
         numbers = ", ".join(map(str, numbered))
         raise InputError("branch", f"there is no branch {branch} here", numbers)
     return branches, numbered[branch]
+
+
+def chosen_branch(problem: Problem, attitude: Array) -> ArmBranch:
+    """The arm branch that :func:`simulate` chooses at an attitude (4,); errors are the same."""
+    starts, _ = _branches(problem, attitude, None, None)
+    limits = limits_for(problem, None)
+    checker = None if limits is None else LimitChecker(problem, limits)
+    simulated = [integrate_branch(problem, attitude, start.index) for start in starts]
+    return _within_limits(_candidates(simulated), checker)[0][0].branch
+
+
+def _candidates(simulated: list[SimulatedBranch]) -> list[SimulatedBranch]:
+    """The feasible ones of branches, best first; the best of all where there is none."""
+    ranked = sorted(simulated, key=_score, reverse=True)
+    return [entry for entry in ranked if entry.feasible] or ranked[:1]
 
 
 def _within_limits(

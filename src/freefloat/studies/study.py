@@ -19,6 +19,7 @@ from freefloat.limits.limit import OFF
 from freefloat.motion.problem import Problem
 from freefloat.paths.timing import TimeLaw
 from freefloat.planning.settings import Search
+from freefloat.planning.simulation import chosen_branch
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array
 from freefloat.studies.study_file import (
@@ -250,7 +251,8 @@ class Study:
             attitude = initial_attitude(problem, start_at or self._centre)
             near = scenario.search().applied_to(problem).closest_start(attitude)
             if near is None:
-                arm = scenario.simulate(attitude).chosen.branch
+                with scenario.error_context():
+                    arm = chosen_branch(problem, attitude)
             else:
                 arm = problem.branch_near(attitude, near, problem.branches(attitude))
             return StartSection(joints=arm.joints.tolist())

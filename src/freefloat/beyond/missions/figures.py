@@ -72,8 +72,8 @@ def _manoeuvre_figure(manoeuvre: Manoeuvre) -> Figure:
         at = phase.start + times
         turns = angle_between(attitudes, motion.initial.attitude)
         turn.plot(at, np.degrees(turns), color="C0", linestyle="-")
-        if phase.limits is not None and phase.limits.base_turn is not None:
-            most = np.degrees(phase.limits.base_turn)
+        if phase.result.limits is not None and phase.result.limits.base_turn is not None:
+            most = np.degrees(phase.result.limits.base_turn)
             turn.hlines(
                 most, at[0], at[-1], label=f"at most {style.digits(most)}°", **style.MARGIN_LINE
             )
@@ -100,10 +100,10 @@ def _manoeuvre_figure(manoeuvre: Manoeuvre) -> Figure:
 
 def _draw_pointing(panels: list[Axes], phase: PhaseResult, motion: Motion) -> None:
     """Draw the angles of the limits of pointing of a phase, an axes each."""
-    if phase.limits is None:
+    if phase.result.limits is None:
         return
     times = phase.start + shown_times(motion)
-    curves = limited_angles(motion, phase.limits)
+    curves = limited_angles(motion, phase.result.limits)
     for axes, (name, side, allowed, values) in zip(panels, curves, strict=False):
         axes.plot(times, np.degrees(values), color="C0", linestyle="-")
         axes.hlines(np.degrees(allowed), times[0], times[-1], **style.MARGIN_LINE)
