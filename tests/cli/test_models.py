@@ -125,6 +125,7 @@ def test_info_prints_all_diagnostics_of_a_broken_urdf(
 def test_the_schemas_accept_what_is_bundled() -> None:
     schemas = document("schema")
     for group, key in (("scenarios", "scenario"), ("studies", "study")):
+        assert document("schema", key) == schemas[key]
         Draft202012Validator.check_schema(schemas[key])
         validator = Draft202012Validator(schemas[key])
         for entry in catalogue()[group]:

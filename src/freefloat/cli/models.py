@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import takewhile
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import typer
 from rich.console import RenderableType
@@ -18,6 +18,10 @@ from freefloat.errors import InputError, did_you_mean
 _Name = Annotated[str | None, typer.Argument(
     metavar="[NAME]", help="Print this file instead: a URDF, or the YAML of a scenario or study.",
     autocompletion=file_names,
+)]  # fmt: skip
+
+_Kind = Annotated[Literal["scenario", "study"] | None, typer.Argument(
+    metavar="[KIND]", help="Print the schema of these files alone.",
 )]  # fmt: skip
 
 
@@ -44,16 +48,17 @@ def models(name: _Name = None, as_json: Json = False, quiet: Quiet = False) -> N
         typer.echo(entry.text, nl=False)
 
 
-def schema(as_json: Json = False, quiet: Quiet = False) -> None:
-    """Print the JSON schemas of scenario and study files, for editors and checkers.
+def schema(kind: _Kind = None, as_json: Json = False, quiet: Quiet = False) -> None:
+    """Print the JSON schemas of scenario and study files, or the one that an editor needs.
 
-    Example: freefloat schema > freefloat.schema.json
+    Example: freefloat schema scenario > scenario.schema.json
     """
     from freefloat.io.scenario.schema import ScenarioFile
     from freefloat.studies.study_file import StudyFile
 
     schemas = {"scenario": ScenarioFile.model_json_schema(), "study": StudyFile.model_json_schema()}
-    print_json({name: {"$id": f"urn:freefloat:{name}", **schemas[name]} for name in schemas})
+    named = {name: {"$id": f"urn:freefloat:{name}", **schemas[name]} for name in schemas}
+    print_json(named if kind is None else named[kind])
 
 
 @dataclass(frozen=True)

@@ -85,7 +85,8 @@ class Trajectory:
         motion: The motion.
         times: Times, rising [s], shape (K,).
         attitudes: Of the spacecraft, quaternions x, y, z, w of continuous sign, shape (K, 4).
-        base_positions: Of the root link from the centre of mass, inertial axes [m], shape (K, 3).
+        base_positions: Of the root link from the centre of mass, even where that drifts, inertial
+            axes [m], shape (K, 3).
         base_velocities: Velocities of the same point, inertial axes [m/s], shape (K, 3).
         angular_velocities: Of the spacecraft, inertial axes [rad/s], shape (K, 3).
         joints: Joint values [rad or m], shape (K, n).

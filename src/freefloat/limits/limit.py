@@ -153,16 +153,16 @@ class JointLimit(Limit[Bound]):
     """A limit of every joint; ``unit`` is that of revolute joints.
 
     Attributes:
-        prismatic_unit: Unit of prismatic joints.
+        prismatic_unit: Unit of prismatic joints; empty where it is the same.
     """
 
-    prismatic_unit: ClassVar[str]
+    prismatic_unit: ClassVar[str] = ""
 
     def of_joint(self, motion: Motion, joint: int, **values: Any) -> LimitResult:
         """The result of the joint with a number, with its unit and name."""
         model = motion.model
-        unit = self.prismatic_unit if model.prismatic[joint] else self.unit
-        return self.result(where=model.joint_names[joint], unit=unit, **values)
+        unit = self.prismatic_unit if model.prismatic[joint] else ""
+        return self.result(where=model.joint_names[joint], unit=unit or self.unit, **values)
 
 
 class MagnitudeLimit(JointLimit[Array]):

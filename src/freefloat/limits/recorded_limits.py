@@ -13,13 +13,12 @@ from numpy.polynomial import chebyshev
 
 from freefloat.dynamics.denavit_hartenberg import frames_at_zero, in_frame, joints_at_zero
 from freefloat.ensemble.ensemble import RecordedMotions, in_panels
-from freefloat.ensemble.known_limits import LimitValues
+from freefloat.ensemble.known_limits import KNOWN, LimitValues
 from freefloat.ensemble.robots import Robots
 from freefloat.ensemble.systems import ScaledMotions
+from freefloat.limits.kinds import KINDS
 from freefloat.limits.kinds.clearance import ClearanceLimit
 from freefloat.limits.kinds.corridor import CorridorLimit
-from freefloat.limits.kinds.joint_acceleration import JointAccelerationLimit
-from freefloat.limits.kinds.joint_jerk import JointJerkLimit
 from freefloat.limits.kinds.joint_torque import JointTorqueLimit
 from freefloat.limits.limit import Limit
 from freefloat.limits.limits import Limits
@@ -29,8 +28,11 @@ from freefloat.motion.panels import DEGREE, TO_COEFFICIENTS
 from freefloat.motion.problem import Problem
 from freefloat.so3 import Array, BoolArray
 
-_ALONG = CorridorLimit, JointAccelerationLimit, JointJerkLimit, ClearanceLimit
-"""Limits that are checked one motion after the other, the cheapest first."""
+_ELSEWHERE = (*KNOWN, JointTorqueLimit.name)
+ALONG = sorted(
+    (kind for kind in KINDS if kind.name not in _ELSEWHERE), key=lambda kind: kind is ClearanceLimit
+)
+"""Limits that are checked one motion after the other, the slowest last."""
 _PANELS = 16, 64
 """Least numbers of panels of motions, and of those whose torques these do not resolve."""
 _RESOLVED = 1e-5
@@ -75,7 +77,7 @@ class RecordedLimits:
             apart = {CorridorLimit, ClearanceLimit}
         if limits.clearance is None:
             apart.add(ClearanceLimit)
-        along = (kind.of(problem, limits) for kind in _ALONG if kind not in apart)
+        along = (kind.of(problem, limits) for kind in ALONG if kind not in apart)
         return cls(problem, limits.joint_torque, tuple(limit for limit in along if limit))
 
     @property

@@ -14,8 +14,9 @@ from freefloat.errors import FreeFloatError, InputError
 from freefloat.io.scenario.robot_section import RobotFile
 from freefloat.io.scenario.scenario import Scenario
 from freefloat.io.scenario.yaml import file_keys, validated
-from freefloat.limits.kinds.clearance import have_shapes
+from freefloat.limits.kinds.clearance import ClearanceLimit, have_shapes
 from freefloat.limits.limit import OFF
+from freefloat.limits.recorded_limits import ALONG
 from freefloat.motion.problem import Problem
 from freefloat.paths.timing import TimeLaw
 from freefloat.planning.settings import Search
@@ -132,7 +133,7 @@ class Study:
         if any(clearance not in (None, False, OFF) for clearance in self._clearances):
             return True
         stated = {*chain(*self._sections("limits"), *self._sections("scene"))}
-        return bool(stated & {"joint_acceleration", "joint_jerk", "corridor"})
+        return any(kind.name in stated for kind in ALONG if kind is not ClearanceLimit)
 
     @cached_property
     def base_robot(self) -> FreeFloatingModel:
