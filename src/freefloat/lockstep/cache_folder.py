@@ -12,9 +12,9 @@ from functools import cache
 from hashlib import sha256
 from pathlib import Path
 
-_KERNELS = re.compile(rb"^from (numba|freefloat\.lockstep\.compilation)\b", re.MULTILINE)
+_KERNELS = b"\nfrom numba", b"\nfrom freefloat.lockstep.compilation "
 _CONSTANTS = re.compile(rb"^from freefloat\.(\S+) import (?:\(\s*)?[A-Z][A-Z_]", re.MULTILINE)
-"""Lines of modules with kernels, and of those among them that import constants."""
+"""Beginnings of lines of modules with kernels, and lines of theirs that import constants."""
 _logger = logging.getLogger("freefloat")
 
 
@@ -39,7 +39,7 @@ def cache_folder(package: Path) -> Path | None:
 def _digest(folder: Path) -> str:
     """Digest of the sources below a folder with kernels, and with constants that these import."""
     texts = {path: path.read_bytes() for path in sorted(folder.rglob("*.py"))}
-    kernels = {path for path, text in texts.items() if _KERNELS.search(text)}
+    kernels = {path for path, text in texts.items() if any(line in text for line in _KERNELS)}
     names = {name.decode() for path in kernels for name in _CONSTANTS.findall(texts[path])}
     used = kernels | {folder / f"{name.replace('.', '/')}.py" for name in names}
     return sha256(b"".join(text for path, text in texts.items() if path in used)).hexdigest()
