@@ -14,7 +14,7 @@ from pathlib import Path
 
 _KERNELS = re.compile(rb"^from (numba|freefloat\.lockstep\.compilation)\b", re.MULTILINE)
 _CONSTANTS = re.compile(rb"^from freefloat\.(\S+) import (?:\(\s*)?[A-Z][A-Z_]", re.MULTILINE)
-"""Lines of modules with kernels, and of those among them that import constants."""
+"""Lines of modules with kernels, and lines of these modules that import constants."""
 _logger = logging.getLogger("freefloat")
 
 
