@@ -16,7 +16,7 @@ From a URDF to a plan, and to MeshCat::
     print(plan.reason, plan.chosen.motion.initial.attitude)
     ff.show(plan)  # in a browser, or in the cell of a notebook
 
-The same from a scenario file: ``problem = ff.load_scenario("spatial_6dof/line").problem()``.
+A problem from a scenario file: ``problem = ff.load_scenario("spatial_6dof/line").problem()``.
 
 Positions are relative to the system's centre of mass. Units are SI and radians, quaternions
 x, y, z, w. Invalid input raises :class:`InputError`, which names the key, the value given and what

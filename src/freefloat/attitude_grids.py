@@ -17,8 +17,8 @@ def low_discrepancy(count: int, dimension: int) -> Array:
     """Evenly distributed points of the unit cube, shape (count, dimension), in [0, 1).
 
     A deterministic additive recurrence. The steps are powers of the inverse of the
-    ``dimension``-th generalized golden ratio. Unlike those of Sobol in ``scipy.stats.qmc``, any
-    number of points is even, and nothing is imported that takes a second.
+    ``dimension``-th generalized golden ratio. Unlike Sobol's points in ``scipy.stats.qmc``, any
+    number of points is evenly distributed, and nothing is imported that takes a second.
     """
     ratio = 2.0
     for _ in range(64):

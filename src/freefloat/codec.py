@@ -57,12 +57,12 @@ class Codec:
         """The record of a tree.
 
         Args:
-            kind: Its class.
+            kind: Class of the record.
             tree: As :meth:`encode` returns it.
             context: Values of the types that are not stored.
 
         Raises:
-            ValueError: If the tree is not that of such a record.
+            ValueError: If the tree does not represent such a record.
             InputError: If the class refuses its fields.
         """
         record: T = _Decoder(self, context).record((kind,), tree, "record")
@@ -74,7 +74,7 @@ class Codec:
         return tuple(kind for kind in kinds if is_dataclass(kind) or hasattr(kind, "_fields"))
 
     def is_given(self, hint: Hint) -> bool:
-        """Whether values are not stored."""
+        """Whether the values of a hint are not stored."""
         return hint.kinds[0] in self.context
 
 

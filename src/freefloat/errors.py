@@ -180,8 +180,8 @@ def require_extra(extra: str, module: str) -> None:
         extra: Name of the extra that installs the module.
         module: Name of the module.
     """
-    found = find_spec(module)
-    if found is None or found.origin is None:  # a folder of that name has no origin
+    spec = find_spec(module)
+    if spec is None or spec.origin is None:  # a folder of that name has no origin
         raise MissingExtraError.of(extra)
 
 

@@ -46,10 +46,10 @@ def zeros() -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Pose:
-    """Pose of a frame relative to another one, or K poses, such as those at K times.
+    """Pose of a frame relative to another one, or K poses, such as poses at K times.
 
     Attributes:
-        position: Its origin in the other frame [m], shape (3,) or (K, 3).
+        position: Origin of the frame in the other frame [m], shape (3,) or (K, 3).
         rotation: Rotates vectors of the frame into the other one, shape (3, 3) or (K, 3, 3).
     """
 
@@ -166,7 +166,7 @@ def attitude_axes(key: str, values: npt.ArrayLike) -> Array:
 
 
 def components(vectors: Array) -> Any:
-    """Components of a vector as floats, those of K vectors (K, c) as arrays (K,)."""
+    """Components of a vector as floats, components of K vectors (K, c) as arrays (K,)."""
     return vectors.tolist() if vectors.ndim == 1 else vectors.T
 
 

@@ -6,13 +6,13 @@ import math
 
 _CONFIDENCE = 0.95
 _QUANTILE = 1.959963984540054
-"""Of the standard normal distribution, two-sided."""
+"""Quantile of the standard normal distribution, two-sided."""
 
 
 def confidence_interval(count: int, total: int) -> tuple[float, float]:
     """The 95 % confidence interval of a fraction (Wilson 1927), also where it is 0 or 1.
 
-    SciPy's ``binomtest`` gives the same, but its import takes half a second.
+    SciPy's ``binomtest`` gives the same interval, but its import takes half a second.
 
     Args:
         count: Number of random samples with a property.
@@ -26,7 +26,7 @@ def confidence_interval(count: int, total: int) -> tuple[float, float]:
 
 
 def percentage(count: int, total: int, random: bool = True) -> str:
-    """Format a fraction, that of random samples with its confidence interval."""
+    """Format a fraction; of random samples, with its confidence interval."""
     if not random:
         return _percent(count / total)
     low, high = confidence_interval(count, total)

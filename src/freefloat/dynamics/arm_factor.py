@@ -8,7 +8,7 @@ are a mass at the wrist centre. With the bodies' absolute rates, (21a) holds:
 
 where a, b and c lead from the centre of mass to the wrist centre, each fixed to one of the bodies,
 and the momentum about the centre of mass is the sum of D times rate. Vectors of the plane are pairs
-of components, rotated by multiples of q2 and q3: S is a sum of sines and cosines of five of these.
+of components, rotated by multiples of q2 and q3: S is a sum of sines and cosines of five multiples.
 """
 
 from __future__ import annotations
@@ -33,10 +33,10 @@ class ArmPlane:
     """The plane of an elbow arm at joint values zero.
 
     Attributes:
-        axes: Its normal, and two axes in it, the second that of the first joint, in each link
-            frame, shape (7, 3, 3).
-        origins: Of the link frames, from that of frame 0, in these axes [m], shape (7, 3).
-        wrist: Of the wrist centre, likewise, shape (3,).
+        axes: Normal of the plane, and two axes in it, the second along the first joint's axis, in
+            each link frame, shape (7, 3, 3).
+        origins: Origins of the link frames, from the origin of frame 0, in these axes [m], (7, 3).
+        wrist: Wrist centre, from the origin of frame 0, in these axes [m], shape (3,).
         sense: 1 where the third joint turns like the second, -1 where in the other sense.
     """
 
@@ -107,7 +107,7 @@ class ArmPlane:
         return self._terms(D, coupling, (_ratio(z0, z1), _ratio(z0, z2), _ratio(z1, z2)))
 
     def is_symmetric(self, bodies: Array) -> BoolArray:
-        """Whether the motion in the plane is independent of that out of it.
+        """Whether the motion in the plane is independent of the motion out of it.
 
         It is where the spacecraft is symmetric about the first joint's axis, the first three links
         are about the plane, and the next two are point masses at the wrist centre.

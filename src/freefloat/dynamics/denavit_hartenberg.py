@@ -29,8 +29,8 @@ class LinkFrames(NamedTuple):
         base: Frame 0 in the spacecraft frame: x, y and z axes and origin, rows of shape (4, 3).
         joints: A row for each joint: cosine and sine of the rotation about x and displacement along
             it from frame k - 1, angle about z and displacement along it to frame k at joint value
-            zero; 1 for a prismatic joint; cosine and sine of the rotation about y between those
-            about x and z, shape (n, 8).
+            zero; 1 for a prismatic joint; cosine and sine of the rotation about y between the
+            rotations about x and z, shape (n, 8).
         bodies: A row for the spacecraft and each joint: mass, first moment and inertia xx yy zz yz
             zx xy of the body about the frame's origin, shape (1 + n, 10).
         tool: End-effector position in frame n [m], shape (3,).
@@ -147,9 +147,9 @@ def inertial_row(mass: Array | float, centre: Array, inertia: Array) -> Array:
     """Mass, first moment and inertia xx yy zz yz zx xy about the frame's origin, shape (..., 10).
 
     Args:
-        mass: [kg], shape (...).
+        mass: Mass [kg], shape (...).
         centre: Centre of mass in the frame [m], shape (..., 3).
-        inertia: About the centre of mass, axes of the frame [kg m²], shape (..., 3, 3).
+        inertia: Inertia about the centre of mass, axes of the frame [kg m²], shape (..., 3, 3).
     """
     m = np.asarray(mass)[..., None]
     about_origin = inertia + m[..., None] * _of_point(centre, centre)
@@ -160,9 +160,9 @@ def in_frame(rows: Array, rotation: Array, position: Array) -> Array:
     """Mass, first moment and inertia in another frame.
 
     Args:
-        rows: Those in a frame, as :func:`inertial_row` returns them, shape (..., 10).
-        rotation: From that frame into the other, shape (..., 3, 3).
-        position: Of that frame's origin in the other [m], shape (..., 3).
+        rows: Rows in a frame, as :func:`inertial_row` returns them, shape (..., 10).
+        rotation: Rotation from that frame into the other frame, shape (..., 3, 3).
+        position: Position of that frame's origin in the other frame [m], shape (..., 3).
     """
     shape = np.broadcast_shapes(rows.shape[:-1], rotation.shape[:-2])
     rows = np.broadcast_to(rows, (*shape, 10))
@@ -178,14 +178,14 @@ def in_frame(rows: Array, rotation: Array, position: Array) -> Array:
 def robot_properties(
     bases: Array, bodies: Array, reach: Array | float, coefficients: Array
 ) -> Array:
-    """What the kernels read of a robot, see :class:`.Robot`, for one or many.
+    """What the kernels read of a robot, see :class:`.Robot`, for one robot or many.
 
     Args:
         bases: Link frame 0 of each arm in the spacecraft frame, see :class:`.LinkFrames`, shape
             (..., E, 4, 3).
         bodies: The bodies in their link frames, shape (..., E + n, 10).
-        reach: Of the virtual manipulator [m], shape (...).
-        coefficients: Those of the measure ``arm``, shape (..., T, 2); of others (..., 0, 2).
+        reach: Reach of the virtual manipulator [m], shape (...).
+        coefficients: Coefficients of the measure ``arm``, shape (..., T, 2); otherwise (..., 0, 2).
 
     Returns:
         Shape (..., C).

@@ -36,12 +36,12 @@ def system_matrix(
 
     Rows: angular momentum about the centre of mass, then the task's rows of the end-effector twist.
     Columns: spacecraft angular velocity, then rates of the arm that follows the path. Where several
-    arms follow paths, rows and columns are those of one arm after the other. All are in
-    the spacecraft frame, except the end-effector twist of ``pointing``, which is in the
-    end-effector's. The linear velocity of the spacecraft is eliminated by zero linear momentum.
-    Planar tasks keep only the components along the axes of their plane, see :class:`.Plane`: of
-    the angular momentum and of the spacecraft's angular velocity those about its normal. So does a
-    robot on a table, whose spacecraft has no velocity along z.
+    arms follow paths, rows and columns are stacked arm after arm. All are in the spacecraft
+    frame, except the end-effector twist of ``pointing``, which is in the end-effector's frame. The
+    linear velocity of the spacecraft is eliminated by zero linear momentum. Planar tasks keep only
+    the components along the axes of their plane, see :class:`.Plane`: of the angular momentum and
+    of the spacecraft's angular velocity the component about its normal. So does a robot on a
+    table, whose spacecraft has no velocity along z.
 
     Args:
         model: Robot.
@@ -54,7 +54,7 @@ def system_matrix(
 
     Raises:
         InputError: If there is no such task, it is planar and the robot does not stay in the plane,
-            or the joints are not those of the robot.
+            or the joints do not fit the robot.
 
     Example:
         >>> model = ff.FreeFloatingModel.from_urdf("planar_2dof")
@@ -71,7 +71,7 @@ def system_matrix(
 
 
 def _system_rows(model: FreeFloatingModel, task: Task, A_G: Array, J: Array) -> Array:
-    """The rows of (5), or their derivatives, those of momentum from the centroidal matrix."""
+    """The rows of (5), or their derivatives, momentum rows from the centroidal matrix."""
     A = np.concatenate([A_G[..., 3:, 3:], J], axis=-2)
     k = base_rotations(model, task)
     return A[..., 3 - k :, 3 - k :]
@@ -129,12 +129,11 @@ def generalized_jacobian(
         The task's rows, shape (..., m, n), of the end-effector twist [m/s; rad/s], in the frame of
         the spacecraft (``pointing``: in the end-effector's; planar tasks: along the axes of their
         :class:`.Plane`), per joint rate of the arm that follows the path, while the momentum is
-        zero. Where several arms follow paths, rows and columns are
-        those of one arm after the other.
+        zero. Where several arms follow paths, rows and columns are stacked arm after arm.
 
     Raises:
         InputError: If there is no such task, it is planar and the robot does not stay in the plane,
-            or the joints are not those of the robot.
+            or the joints do not fit the robot.
 
     Example:
         >>> model = ff.FreeFloatingModel.from_urdf("planar_2dof")
@@ -160,8 +159,9 @@ def generalized_determinant(
 ) -> Any:
     """Det S* of (6) for arms with as many joints as task rows, without forming S*.
 
-    It is the determinant of the momentum and end-effector rows over all rates, divided by that of
-    the momentum matrix's base block: the total mass cubed times det D.
+    It is the determinant of the momentum and end-effector rows over all rates, divided by the
+    determinant of the momentum matrix's base block: the total mass cubed, on a table squared, times
+    det D.
 
     Args:
         model: Robot.
@@ -195,8 +195,8 @@ def _maps(model: FreeFloatingModel, joints: npt.ArrayLike, task: Task) -> tuple[
     """The momentum matrix in the spacecraft frame and the end-effector Jacobian, or stacks of them.
 
     On a table, rows of the momentum that it carries are the rates of the spacecraft instead.
-    Their columns are those of the spacecraft and of the arms that follow paths. The Jacobians of
-    these are stacked, shape (6 times their number, 6 + n). Those of planar tasks, and the
+    The columns belong to the spacecraft and to the arms that follow paths. The Jacobians of the
+    arms are stacked, shape (6 times their number, 6 + n). Rows of planar tasks, and the
     spacecraft's columns, are along the axes of the plane.
     """
     robot, data, axes = model.pin_model, model.scratch, task.reference_frame

@@ -71,8 +71,8 @@ class InverseDynamics:
     ) -> Forces:
         """Forces for the derivative of the end-effectors' twists, of which the task's rows count.
 
-        The arms that follow paths have as many joints as there are rows; those of further arms that
-        move have prescribed accelerations, shape (..., dof - arm_dof).
+        The arms that follow paths have as many joints as there are rows; joints of further arms
+        that move have prescribed accelerations, shape (..., dof - arm_dof).
         """
         A, q, v, drift = self._moving(attitude, joints, rates)
         robot, data, still = self._robot, self._scratch, np.zeros(v.shape[-1])

@@ -16,16 +16,16 @@ from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import UPRIGHT, Array, frozen
 
 _JOINT_SAMPLES, _REFINED = 4096, 8
-"""Samples of the joint space, and those from which each extremum is refined."""
+"""Samples of the joint space, and samples from which each extremum is refined."""
 _MOST_STEPS, _DIFFERENCE, _FLATTEST = 60, 5e-6, 1e-5
 """Newton's method: largest number of steps, differences [rad or m] of derivatives, and smallest
 second derivative, relative to the largest."""
 _LONGEST, _SHORTEST = 0.5, 1e-7
 """Longest and shortest step [rad or m]."""
 _FRACTIONS = 4.0 ** np.arange(1.0, -4.0, -1.0)
-"""Of Newton's step, the lengths that are tried."""
+"""Fractions of Newton's step that are tried."""
 Function = Callable[[Array], Any]
-"""Of joint values of shape (n,), or (K, n)."""
+"""Function of joint values of shape (n,), or (K, n)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +60,7 @@ def joint_space_extremes(
 
     Args:
         model: Robot.
-        function: Of joint values (n,) or (K, n), such as a singularity measure.
+        function: Function of joint values (n,) or (K, n), such as a singularity measure.
         samples: Number of points.
 
     Raises:
@@ -101,7 +101,7 @@ def sampled_reach(model: FreeFloatingModel, task: Task) -> tuple[float, float]:
 def end_effector_distance(model: FreeFloatingModel, task: Task, joints: Array) -> Any:
     """Distance of the end-effector from the centre of mass, in the plane for planar tasks [m].
 
-    At joint values (n,) it is a number, at those of shape (K, n) the shape is (K,).
+    At joint values (n,) it is a number, at joint values (K, n) its shape is (K,).
     """
     attitudes = np.broadcast_to(UPRIGHT, (*joints.shape[:-1], 4))
     position = model.end_effector_pose(attitudes, joints).position

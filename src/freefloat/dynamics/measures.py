@@ -39,7 +39,7 @@ _TITLES = {"gjm": "det S*", "system": "det A", "arm": "in-plane factor", "sigma"
 KEYS = tuple(_TITLES)
 """Keys of the measures in files; kernels have their codes in this order."""
 _POWERS = 8.0, 64.0, 512.0
-"""Of the norms that approach the smallest singular value."""
+"""Powers of the norms that approach the smallest singular value."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,14 +47,14 @@ class SingularityMeasure:
     """A scalar function of the joints whose zeros are dynamic singularities.
 
     Attributes:
-        name: Its key in files, see :func:`singularity_measure`.
+        name: Key of the measure in files, see :func:`singularity_measure`.
         definition: Definition with the paper's equation number.
         unit: Unit, as printed in tables.
         function: Measure of joint values of shape (n,), or K of (K, n); signed where it is a
             determinant.
         mass_power: Power of a factor on all masses with which it grows.
-        smooth: Functions of the joints that approach it from below, each closer than the one
-            before, where it has kinks: its maximum is found by theirs.
+        smooth: Functions of the joints that approach the measure from below, each closer than the
+            one before, where it has kinks: its maximum is found by their maxima.
     """
 
     name: str
@@ -66,7 +66,7 @@ class SingularityMeasure:
 
     @property
     def title(self) -> str:
-        """Its name for people."""
+        """The measure's name for people."""
         return measure_title(self.name)
 
     def __call__(self, joints: Array) -> Any:

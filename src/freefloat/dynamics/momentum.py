@@ -39,7 +39,7 @@ def momentum_map(
         twist, ``[linear; angular]`` at the root link's origin, is in the spacecraft frame.
 
     Raises:
-        InputError: If the joints are not those of the robot, or the attitude is no unit quaternion.
+        InputError: If the joints do not fit the robot, or the attitude is no unit quaternion.
     """
 
     def matrix(*state: Array) -> tuple[Array]:
@@ -72,7 +72,7 @@ def end_effector_jacobian(
         origin, is in the spacecraft frame.
 
     Raises:
-        InputError: If the joints are not those of the robot, or the attitude is no unit quaternion.
+        InputError: If the joints do not fit the robot, or the attitude is no unit quaternion.
     """
     q = configuration(model, joints, attitude)
     return np.array(
@@ -95,7 +95,7 @@ def inertia_matrices(model: FreeFloatingModel, joints: npt.ArrayLike) -> tuple[A
         ``D`` of shape (..., 3, 3) and ``Dq`` of shape (..., 3, n) [kg m²].
 
     Raises:
-        InputError: If the joints are not those of the robot.
+        InputError: If the joints do not fit the robot.
 
     Example:
         >>> model = ff.FreeFloatingModel.from_urdf("planar_2dof")
@@ -110,7 +110,7 @@ def inertia_matrices(model: FreeFloatingModel, joints: npt.ArrayLike) -> tuple[A
 def conserved(model: FreeFloatingModel, A_G: Array) -> Array:
     """A momentum matrix (..., 6, 6 + n) of what is conserved.
 
-    On a table, the rows of what it carries are those of the spacecraft's rates, which are zero.
+    On a table, rows of the momentum that it carries select the spacecraft's rates, which are zero.
     """
     if not model.on_table:
         return A_G

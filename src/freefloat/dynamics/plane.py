@@ -55,25 +55,25 @@ class Plane:
 
     @property
     def is_level(self) -> bool:
-        """Whether it is the x-y plane."""
+        """Whether the plane is the x-y plane."""
         return bool(self.normal[2] == 1.0)
 
     @property
     def is_exact(self) -> bool:
-        """Whether its normal is a coordinate axis."""
+        """Whether the plane's normal is a coordinate axis."""
         return bool(self.normal.max() == 1.0)
 
     @property
     def tolerance(self) -> float:
         """Sine of the largest angle between a direction and the plane that counts as none.
 
-        Of normals that are no coordinate axis it is that of angles rounded in files, as 1.5708.
+        With a normal that is no coordinate axis, it allows for angles rounded in files, as 1.5708.
         """
         return _SAME_DIRECTION if self.is_exact else _ROUNDED_DIRECTION
 
     @property
     def letters(self) -> str:
-        """Those of the coordinate axes that its axes are; u, v and n where they are none."""
+        """Letters of the coordinate axes that the plane's axes are; u, v and n if they are none."""
         return "".join("xyz"[i] for i in self.axes.argmax(axis=0)) if self.is_exact else "uvn"
 
     @property

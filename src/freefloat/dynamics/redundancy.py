@@ -18,8 +18,8 @@ from freefloat.so3 import Array
 SINGULAR_SPEED = 2e4
 """Joint speed times duration above which integrators take a redundant arm for singular [rad, m]."""
 SPINNING_SPEED = 3e2
-"""The same for the task ``pointing``: an arm that rolls about its last axis spins that joint as a
-reaction wheel of tiny effect where it would otherwise become singular."""
+"""Joint speed times duration for the task ``pointing``: an arm that rolls about its last axis spins
+that joint as a reaction wheel of tiny effect where it would otherwise become singular."""
 _LARGEST_WEIGHT = 1e6
 LARGEST_GAIN = 1e6
 """Largest gain and bound of the null-space motion."""
@@ -85,12 +85,12 @@ class Redundancy:
 
     @property
     def minimum_norm(self) -> bool:
-        """Whether the joint rates are those of minimum Euclidean norm."""
+        """Whether the joint rates have minimum Euclidean norm."""
         return self.metric is Metric.JOINTS and self.toward is Toward.NONE
 
     @property
     def weights(self) -> Mapping[str, float]:
-        """Weights by joint, apart from those that are 1."""
+        """Weights by joint, apart from weights of 1."""
         return {} if isinstance(self.metric, Metric) else self.metric
 
     def to_dict(self) -> dict[str, Any]:

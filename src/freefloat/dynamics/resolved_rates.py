@@ -5,7 +5,7 @@
                                [ v_E ]
 
 with the centroidal momentum matrix A_G and the task's rows of the end-effector Jacobian J. Where
-several arms follow paths, J and v_E are those of one arm after the other. With as
+several arms follow paths, J and v_E are stacked arm after arm. With as
 many joints as task rows the solution is unique. The joint rates of a redundant arm differ by
 motions in the null space of the generalized Jacobian S*, which neither move the end-effector nor
 change the momentum. Among them the rates ``u`` are taken that minimize
@@ -149,12 +149,12 @@ class ResolvedRateSolver:
     def _demand(
         self, b: Array, attitude: Array, twist: Array, arm_rates: Array | None, axes: list[Array]
     ) -> None:
-        """Write the right-hand side of (4), or K of them; axes are those of each end-effector."""
+        """Write the right-hand side of (4), or K of them; ``axes`` has each end-effector's axes."""
         for arm, (_, rows) in enumerate(self._parts):
-            own = twist[..., 6 * arm : 6 * arm + 6]
+            part = twist[..., 6 * arm : 6 * arm + 6]
             if self._own_axes:
-                own = (own.reshape(*own.shape[:-1], 2, 3) @ axes[arm]).reshape(own.shape)
-            b[..., rows] = self._prescribed(own.T).T
+                part = (part.reshape(*part.shape[:-1], 2, 3) @ axes[arm]).reshape(part.shape)
+            b[..., rows] = self._prescribed(part.T).T
         if self._further:
             if arm_rates is None:
                 self._model.require_supported("these joint rates")
@@ -269,7 +269,7 @@ def _solutions(M: Array, b: Array) -> tuple[Array, Array]:
 
 
 def _shortest_solutions(M: Array, b: Array) -> tuple[Array, Array]:
-    """Those of minimum norm of the joint rates that solve equations (K, r, 6 + n)."""
+    """Angular velocities, and joint rates of minimum norm, that solve equations (K, r, 6 + n)."""
     B = np.concatenate([M[:, :6, 6:], b[:, :6, None]], axis=2)
     solution = np.linalg.solve(M[:, :6, :6], B)
     reduced = np.concatenate([M[:, 6:, 6:], b[:, 6:, None]], axis=2) - M[:, 6:, :6] @ solution

@@ -1,4 +1,4 @@
-"""A robot as the arrays that kernels read, and the axes of these."""
+"""A robot as the arrays that kernels read, and the axes of these arrays."""
 
 from __future__ import annotations
 
@@ -43,11 +43,11 @@ class KernelAxes:
         return cls(required_plane(model, task) if task.planar else LEVEL)
 
     def systems(self, columns: Array) -> Array:
-        """Rows of momenta, those in wheels, which are seen from the spacecraft, and others."""
+        """Rows of momenta, momenta in wheels, which are seen from the spacecraft, and others."""
         return np.column_stack([columns[:, :3], self.plane.seen(columns[:, 3:6]), columns[:, 6:]])
 
     def attitudes(self, attitudes: Array, *, back: bool = False) -> Array:
-        """Attitudes of these axes for those of the spacecraft, or ``back``, shape (K, 4)."""
+        """Attitudes of these axes for attitudes of the spacecraft, or ``back``, shape (K, 4)."""
         if self.plane.is_level:
             return attitudes
         turn = Rotation.from_matrix(self.plane.axes)
@@ -62,7 +62,7 @@ def kernel_robot(model: FreeFloatingModel, task: Task, coefficients: Array | Non
     Args:
         model: Robot.
         task: Part of the poses that is prescribed.
-        coefficients: Those of the measure ``arm``, shape (T, 2).
+        coefficients: Coefficients of the measure ``arm``, shape (T, 2).
     """
     plane, arms = KernelAxes.of(model, task).plane, model.single_arms
     frames = [link_frames(arm) for arm in arms]

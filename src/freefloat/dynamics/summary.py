@@ -197,6 +197,6 @@ def natural_task(model: FreeFloatingModel) -> Task:
     tasks = [task for task in others if task.planar is planar and len(task.rows) <= joints]
     if not tasks:
         where = "stays in a plane" if planar else f"leaves any plane: {why_in_no_plane(model)}"
-        given = f"the arm has {joints} joint{'s' * (joints != 1)} and {where}"
-        raise InputError("end_effector", given, accepted_tasks(model))
+        problem = f"the arm has {joints} joint{'s' * (joints != 1)} and {where}"
+        raise InputError("end_effector", problem, accepted_tasks(model))
     return max(tasks, key=lambda task: len(task.rows))

@@ -22,8 +22,8 @@ class System:
 
     Attributes:
         model: Robot.
-        momentum: Angular momentum about the centre of mass with that of wheels, inertial axes
-            [N m s], shape (3,).
+        momentum: Angular momentum about the centre of mass, with the momentum of wheels, inertial
+            axes [N m s], shape (3,).
         wheels: Part of the momentum that wheels store, constant in the spacecraft frame [N m s],
             shape (3,): the wheels turn with constant rates relative to the spacecraft, and their
             masses and inertias belong to it.
@@ -68,7 +68,7 @@ class System:
     def scaled(self, factor: float) -> System:
         """The system that moves alike at another speed, by (8): momenta and drift by a factor.
 
-        Backward in time it is that of the factor -1.
+        The system that moves backward in time has the factor -1.
         """
         momentum, wheels = factor * self.momentum, factor * self.wheels
         return replace(self, momentum=momentum, wheels=wheels, drift=factor * self.drift)
@@ -99,7 +99,7 @@ class System:
             In the spacecraft frame [rad/s], shape (..., 3).
 
         Raises:
-            InputError: If joints or rates are not those of the robot, or the attitude is no unit
+            InputError: If joints or rates do not fit the robot, or the attitude is no unit
                 quaternion or, on a table, no turn about z.
         """
         D, Dq = conserved_inertias(self.model, joints)
@@ -124,7 +124,7 @@ class System:
             shape (6,).
 
         Raises:
-            InputError: If joints or rates are not those of the robot, or the attitude is no unit
+            InputError: If joints or rates do not fit the robot, or the attitude is no unit
                 quaternion or, on a table, no turn about z.
         """
         attitude = self.attitude(attitude)

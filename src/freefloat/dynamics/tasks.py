@@ -43,15 +43,15 @@ class Task(StrEnum):
     def rows(self) -> list[int]:
         """Rows of the end-effector twist ``[linear; angular]`` that are prescribed.
 
-        Those of ``pointing`` belong to the twist in the axes of the end-effector, those of planar
-        tasks to that in the axes of the plane.
+        Rows of ``pointing`` belong to the twist in the axes of the end-effector, rows of planar
+        tasks to the twist in the axes of the plane.
         """
         return _ROWS[self]
 
     planar: bool
     """Whether the motion is confined to a plane."""
     reference_frame: pin.ReferenceFrame
-    """Axes of the rows: those of the end-effector for ``pointing``, otherwise the inertial."""
+    """Axes of the rows: the end-effector's axes for ``pointing``, otherwise the inertial axes."""
 
     def __init__(self, value: str) -> None:
         self.planar = value.startswith("planar-")
@@ -59,7 +59,7 @@ class Task(StrEnum):
 
     @property
     def prescribes_orientation(self) -> bool:
-        """Whether the orientation of the end-effector, or that of its z axis, is prescribed."""
+        """Whether the orientation of the end-effector, or of its z axis, is prescribed."""
         return self in (Task.POSE, Task.POINTING, Task.PLANAR_POSE)
 
 

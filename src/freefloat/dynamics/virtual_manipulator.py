@@ -3,7 +3,7 @@
 Its base is at the system's centre of mass, its joints move with the real ones, its links are the
 barycentric vectors (17). At a given attitude the kinematics of fixed-base arms therefore apply.
 
-On a table the spacecraft keeps its height: z coordinates are those of the arm itself, from the root
+On a table the spacecraft keeps its height: z coordinates are the arm's own, from the root
 link's origin.
 """
 
@@ -88,7 +88,7 @@ class VirtualManipulator:
         """Lengths of the barycentric vectors [m], shape (n + 1,).
 
         Args:
-            normal: Of the plane in which the arm moves and lengths count, spacecraft frame, (3,).
+            normal: Normal of the arm's plane, in which lengths count, spacecraft frame, shape (3,).
         """
         links = self.links
         if normal is not None:
@@ -195,9 +195,9 @@ class VirtualManipulator:
 def first_moment(model: FreeFloatingModel) -> VirtualManipulator:
     """The chain at whose end is the first moment of a single arm over the total mass.
 
-    The moment is that about the origin of the spacecraft frame, up to a constant. This chain and
-    the virtual manipulator add up to the arm on a fixed base. Attributes that are no lengths are
-    those of the virtual manipulator.
+    The moment is about the origin of the spacecraft frame, up to a constant. This chain and
+    the virtual manipulator add up to the arm on a fixed base. Axes and reach are as in the
+    virtual manipulator.
     """
     virtual = VirtualManipulator.of(model)
     steps = [*(body.placement.position for body in model.bodies[1:]), model.tool.position]
@@ -208,17 +208,17 @@ def first_moment(model: FreeFloatingModel) -> VirtualManipulator:
 def reach_bound(model: FreeFloatingModel) -> float:
     """Upper bound of the distance from the centre of mass to the end-effector [m].
 
-    That of the first arm, where several follow paths. Others may displace the centre of mass. On a
-    table the distance is that from below or above it, see :meth:`.FreeFloatingModel.configuration`.
+    The first arm's bound, where several follow paths. Others may displace the centre of mass. On a
+    table the distance is from a point below or above, see :meth:`.FreeFloatingModel.configuration`.
     """
-    first, *others = model.single_arms
+    first, *further = model.single_arms
     virtual = VirtualManipulator.of(first)
     reach = virtual.reach
     if virtual.upright:
         strokes = np.abs(first.joint_ranges).max(axis=0)[first.prismatic].sum()
         height = float(np.linalg.norm(virtual.upright.links, axis=1).sum() + strokes)
         reach = float(np.hypot(reach, height))
-    for arm in others:
+    for arm in further:
         moment, ranges = first_moment(arm), np.abs(arm.joint_ranges).max(axis=0)
         strokes = (moment.strokes * ranges)[arm.prismatic].sum()
         reach += float(2.0 * np.linalg.norm(moment.links[1:], axis=1).sum() + strokes)

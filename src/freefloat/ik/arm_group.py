@@ -32,7 +32,7 @@ class Arm:
 
     Attributes:
         model: Robot with this moving arm alone.
-        joints: The arm's among all.
+        joints: The arm's joints among all joints.
         form: The closed form of its branches, None where they are searched for.
     """
 

@@ -48,8 +48,8 @@ class ArmBranch:
 
     Attributes:
         index: Number of the branch. Branches identified by signs have the same number at every
-            attitude; others, except those of redundant arms, an even one where the determinant of
-            the fixed-base Jacobian is positive.
+            attitude; other branches, except of redundant arms, an even number where the determinant
+            of the fixed-base Jacobian is positive.
         label: Signs of the branch, e.g. ``"shoulder+ elbow- wrist+"``, otherwise its number.
         joints: Joint values, revolute joints within their URDF range where possible, else in
             (-pi, pi], shape (n,).
@@ -189,10 +189,10 @@ def search_arm_branches(
     m = len(task.rows)
     configurations = spread_configurations if model.dof > m else isolated_configurations
     slices = [slice(first, first + _SLICE) for first in range(0, max(1, len(positions)), _SLICE)]
-    found = [
+    solutions = [
         configurations(model, task, positions[few], rotations[few], MAX_BRANCHES) for few in slices
     ]
-    q = np.concatenate(found, axis=2)
+    q = np.concatenate(solutions, axis=2)
     joints, names = numbered_branches(model, task, q)
     return BranchSets(joints, names, searched_labels(model, task))
 

@@ -31,10 +31,10 @@ class Chain:
         points: Joint positions from the centre of mass [m], spacecraft frame, shape (3, n).
         axes: Joint axes, shape (3, n).
         position: Position of the end-effector [m], shape (3,).
-        rotation: From the end-effector frame, shape (3, 3).
-        last: From the last joint to the end-effector [m], shape (3,).
-        last_upright: The same vector whose z component counts in the spacecraft frame: on a table
-            of the arm itself [m], shape (3,).
+        rotation: Rotation from the end-effector frame, shape (3, 3).
+        last: Vector from the last joint to the end-effector [m], shape (3,).
+        last_upright: Vector as ``last``, whose z component counts in the spacecraft frame: on a
+            table of the arm itself [m], shape (3,).
         swings: Whether the first joint rotates the arm about an axis of the spacecraft.
         prismatic: Which joints are prismatic, shape (n,).
         joint_ranges: Lower and upper ends of the joint ranges, shape (n,) each.

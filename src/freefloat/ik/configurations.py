@@ -176,18 +176,18 @@ def distinct_solutions(prismatic: BoolArray, q: Array, most: int) -> tuple[Array
     """At most that many different configurations, and how often each is there, (most, K)."""
     different = np.full((len(q), most, q.shape[2]), np.nan)
     total = np.zeros(different.shape[1:])
-    others, poses = np.isfinite(q[0]), np.arange(q.shape[2])
+    remaining, poses = np.isfinite(q[0]), np.arange(q.shape[2])
     for column in range(most):
-        first = np.argmax(others, axis=0)
-        new = others[first, poses]
+        first = np.argmax(remaining, axis=0)
+        new = remaining[first, poses]
         if not new.any():
             break
         different[:, column, new] = q[:, first[new], poses[new]]
         difference = q - different[:, column, None]
         revolutions = np.where(prismatic[:, None, None], 0.0, np.rint(difference / tau))
-        same = others & (np.abs(difference - tau * revolutions).max(axis=0) <= SAME)
+        same = remaining & (np.abs(difference - tau * revolutions).max(axis=0) <= SAME)
         total[column] = same.sum(axis=0)
-        others &= ~same
+        remaining &= ~same
     return different, total
 
 

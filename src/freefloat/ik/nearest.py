@@ -22,12 +22,12 @@ GIVEN, CLOSEST = "given", "closest"
 def closest_branches(
     model: FreeFloatingModel, positions: Array, rotations: Array, task: Task, joints: Array
 ) -> BranchSets:
-    """Of the arm branches at each of K poses the one closest to joint values (n,) or (K, n).
+    """The arm branch at each of K poses that is closest to joint values (n,) or (K, n).
 
     Distances are largest joint differences. Revolute joints are shifted by full rotations to the
-    value in their range that is nearest. Of a redundant arm it is the configuration to which
-    Newton's method converges from the joint values, if it lies inside the joint ranges, else the
-    closest one of all.
+    value in their range that is nearest. The branch of a redundant arm is the configuration to
+    which Newton's method converges from the joint values, if it lies inside the joint ranges, else
+    the closest one of all.
 
     Args:
         model: Robot.
@@ -35,10 +35,10 @@ def closest_branches(
             :func:`several_arm_branches`, shape (E, K, 3).
         rotations: Likewise, shape (K, 3, 3) or (E, K, 3, 3).
         task: Part of the poses that is prescribed.
-        joints: Joint values [rad or m]; those of each pose, or of all.
+        joints: Joint values [rad or m], for each pose or for all poses.
 
     Returns:
-        The branches, at most one at each pose; that of a redundant arm is in column 0.
+        The branches, at most one at each pose; the branch of a redundant arm is in column 0.
     """
     every = several_arm_branches if positions.ndim > 2 else many_arm_branches
     if model.dof <= len(prescribed_rows(model, task)):
@@ -59,7 +59,7 @@ def closest_branches(
 
 
 def _closest_of(model: FreeFloatingModel, sets: BranchSets, joints: Array) -> BranchSets:
-    """Of K sets of arm branches the one closest to joint values (n,) or (K, n)."""
+    """The branch in each of K sets that is closest to joint values (n,) or (K, n)."""
     shifted, distance = _distances(model, sets.joints, joints[..., None, :])
     closest = distance == distance.min(axis=1, keepdims=True)
     closest &= sets.exist & (np.cumsum(closest, axis=1) == 1)  # the first of equals
@@ -76,17 +76,17 @@ def newton_solutions(
     are shifted by full rotations toward these, within their ranges. Positions and rotations are as
     for :func:`closest_branches`.
     """
-    every = np.arange(positions.shape[-2])
-    starts = np.broadcast_to(joints, (len(every), model.dof))
-    found, residuals = Newton.of(model, task).solved(
-        positions, rotations, every, starts, _NEWTON_STEPS, patience=_PATIENCE
+    poses = np.arange(positions.shape[-2])
+    starts = np.broadcast_to(joints, (len(poses), model.dof))
+    solutions, residuals = Newton.of(model, task).solved(
+        positions, rotations, poses, starts, _NEWTON_STEPS, patience=_PATIENCE
     )
-    found[~(residuals <= CONVERGED)] = np.nan
-    return _distances(model, found, joints)[0]
+    solutions[~(residuals <= CONVERGED)] = np.nan
+    return _distances(model, solutions, joints)[0]
 
 
 def toward(model: FreeFloatingModel, q: Array, joints: Array) -> Array:
-    """Of configurations (K, n) those that exist, shifted by full rotations toward joints (n,)."""
+    """The configurations among (K, n) that exist, shifted by full rotations toward joints (n,)."""
     shifted, distance = _distances(model, q, joints)
     return np.asarray(shifted[np.isfinite(distance)])
 
@@ -94,7 +94,7 @@ def toward(model: FreeFloatingModel, q: Array, joints: Array) -> Array:
 def _distances(model: FreeFloatingModel, q: Array, joints: Array) -> tuple[Array, Array]:
     """Configurations (..., n) shifted toward joint values (..., n), and their distances (...).
 
-    The distance of one that does not exist is infinite.
+    The distance of a configuration that does not exist is infinite.
     """
     first, last = revolutions(model.joint_ranges, q, q)
     shifts = tau * np.clip(np.round((joints - q) / tau), first, last)

@@ -109,13 +109,13 @@ class Newton:
             steps: Largest number of steps.
             patience: Largest number of consecutive steps that hardly reduce the residual.
         """
-        found, starts = np.full(q.shape, np.nan), np.isfinite(q).all(axis=0)
+        solutions, starts = np.full(q.shape, np.nan), np.isfinite(q).all(axis=0)
         joints, residuals = self.solved(
             positions, rotations, np.nonzero(starts)[1], q[:, starts].T, steps, patience=patience
         )
         joints[~(residuals <= CONVERGED)] = np.nan
-        found[:, starts] = joints.T
-        return found
+        solutions[:, starts] = joints.T
+        return solutions
 
     @cached_property
     def _robot(self) -> Robot:
@@ -167,7 +167,7 @@ class PoseTable:
     @classmethod
     @lru_cache(maxsize=16)
     def of(cls, model: FreeFloatingModel, task: Task, *, inside: bool) -> PoseTable:
-        """The configurations inside the joint ranges, or those of all revolutions."""
+        """The configurations inside the joint ranges, or of all revolutions."""
         chain, virtual = Chain.of(model), VirtualManipulator.of(model)
         length = virtual.reach
         lower, upper = sampled_box(model) if inside else joint_box(model)
@@ -215,7 +215,7 @@ class PoseTable:
 
 
 def sampled_box(model: FreeFloatingModel) -> tuple[Array, Array]:
-    """Ends of the joint ranges (n,), of those of wide ones a full revolution's."""
+    """Ends of the joint ranges (n,); of wide ranges, the ends of a full revolution."""
     (first, last), (lower, upper) = model.joint_ranges, joint_box(model)
     narrow = last - first < upper - lower
     return np.where(narrow, first, lower), np.where(narrow, last, upper)

@@ -1,7 +1,7 @@
 """Newton's method for the joints of arms that reach poses at the same time, in lock step.
 
-The robot is that of equation (4), its spacecraft does not rotate, and positions are from the centre
-of mass: with y = a, columns of S* are those of the virtual manipulator's Jacobian.
+The robot is as in equation (4), its spacecraft does not rotate, and positions are from the centre
+of mass: with y = a, columns of S* are columns of the virtual manipulator's Jacobian.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ def solve_all(
     robot: Robot, robots: Array | None, targets: Array, pose: IntArray, q: Array, residual: Array,
     steps: int, patience: int, workspace: NewtonBuffers,
 ) -> None:  # fmt: skip
-    """Replace joints by those to which Newton's method converges, and write the residuals.
+    """Replace joint values by the values to which Newton's method converges; write the residuals.
 
     Args:
         robot: The robot.

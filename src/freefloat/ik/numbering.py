@@ -12,15 +12,15 @@ from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array, IntArray
 
 MAX_BRANCHES = 16
-"""Maximum number of branches at a pose: that of an arm with six revolute joints."""
+"""Maximum number of branches at a pose: an arm with six revolute joints can have as many."""
 
 
 def numbered_branches(model: FreeFloatingModel, task: Task, q: Array) -> tuple[Array, IntArray]:
     """The branches at each pose in columns by number.
 
     Branches of square arms are numbered in lexicographic order of their first six decimals, by the
-    sign pattern of six revolute joints, otherwise by the sign of the Jacobian's determinant. Those
-    of redundant arms keep their order.
+    sign pattern of six revolute joints, otherwise by the sign of the Jacobian's determinant.
+    Branches of redundant arms keep their order.
 
     Args:
         model: Robot.
@@ -79,9 +79,9 @@ def sign_patterns(points: Array, axes: Array, negative: npt.NDArray[np.bool_]) -
 
     Points and axes of the joints have shape (6, N, 3).
 
-    The elbow sign is that of the elbow angle, the wrist sign that of the fifth joint; the shoulder
-    sign makes the product of all three that of the Jacobian's determinant, so that signs change at
-    singularities only.
+    The elbow sign is the sign of the elbow angle, the wrist sign the sign of the fifth joint; the
+    shoulder sign makes the product of all three the sign of the Jacobian's determinant, so that
+    signs change at singularities only.
     """
     p, h = np.moveaxis(points, -1, 1), np.moveaxis(axes, -1, 1)
     elbow = dot(h[2], cross(p[2] - p[1], p[3] - p[2])) < 0.0

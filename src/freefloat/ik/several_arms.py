@@ -3,7 +3,7 @@
 With guesses of how the arms displace the centre of mass, each has the branches of a single arm.
 Where all have closed forms, Newton's method for all joints together starts from their combinations.
 The guesses are the mean displacements over the joint space and, for combinations that these miss,
-those of the branches that they give. Where an arm has no closed form it starts from many starts.
+displacements of branches that they give. Where an arm has no closed form, there are many starts.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ looked for."""
 
 def searched_combinations(group: ArmGroup, positions: Array, rotations: Array) -> BranchSets:
     """The combinations at K instants that are found; see :func:`.several_arm_branches`."""
-    every = np.arange(positions.shape[1])
+    instants = np.arange(positions.shape[1])
 
     def solved(poses: IntArray, starts: Array) -> Array:
         pose = np.tile(poses, starts.shape[1])
@@ -55,11 +55,11 @@ def searched_combinations(group: ArmGroup, positions: Array, rotations: Array) -
     if group.redundant:
         lower, upper = joint_box(group.model)
         starts = (lower + (upper - lower) * low_discrepancy(_STARTS[0], len(lower))).T
-        q = solved(every, np.repeat(starts[..., None], len(every), axis=2))
+        q = solved(instants, np.repeat(starts[..., None], len(instants), axis=2))
         most = MAX_BRANCHES * len(group.arms)
         return _listed(usable(group.model, q, most))
     most = MAX_BRANCHES ** len(group.arms)
-    return _numbered(group, all_from_starts(group.model, _STARTS, len(every), most, solved))
+    return _numbered(group, all_from_starts(group.model, _STARTS, len(instants), most, solved))
 
 
 def _listed(q: Array) -> BranchSets:
@@ -72,8 +72,8 @@ def _listed(q: Array) -> BranchSets:
 def _numbered(group: ArmGroup, q: Array) -> BranchSets:
     """Combinations (n, B, K) in columns by their number.
 
-    Its digits are the numbers of the arms' signs. Of combinations with equal signs, one arm after
-    the other without names for them has higher numbers; what then is equal has a free column.
+    The digits of a number are numbers of the arms' signs. Of combinations with equal signs, one arm
+    after the other without names for them has higher numbers; what then is equal has a free column.
     """
     q = sorted_joints(q)
     exist = np.isfinite(q).all(axis=0)
@@ -117,17 +117,17 @@ def several_arm_branches(
 
     Args:
         model: Robot, no further arm of which moves along a joint curve.
-        positions: Of E end-effectors at K instants, from the system's centre of mass, spacecraft
-            frame [m], shape (E, K, 3).
-        rotations: From the end-effector frames into the spacecraft frame, shape (E, K, 3, 3).
+        positions: Positions of E end-effectors at K instants, from the system's centre of mass,
+            spacecraft frame [m], shape (E, K, 3).
+        rotations: Rotations from the end-effector frames into the spacecraft frame, (E, K, 3, 3).
         task: Part of the poses that is prescribed.
         only: Numbers of the combinations that are looked for, one at each instant, shape (K,);
             others may be missing.
 
     Returns:
-        The combinations; the number of one has those of the arms as digits, the first arm's first.
-        Of arms without closed form they are those that are found, see
-        :func:`~freefloat.ik.branches.many_arm_branches`; of redundant ones a well-spread choice.
+        Combinations, whose numbers have the arms' branch numbers as digits, the first arm's first.
+        Arms without closed form have the combinations that are found, see
+        :func:`~freefloat.ik.branches.many_arm_branches`; redundant arms a well-spread choice.
     """
     group = ArmGroup.of(model, task)
 
@@ -190,8 +190,8 @@ class _ClosedForms:
     ) -> Iterator[tuple[list[BranchSets], IntArray]]:  # fmt: skip
         """Branches of the arms from which Newton's method starts, and their instants (N,).
 
-        First those where all arms have their mean displacement; then each of those of one arm, with
-        those of the others where this arm has its own displacement.
+        First the branches where all arms have their mean displacement; then each branch of one arm,
+        with the branches of the others where this arm has the displacement of this branch.
         """
         yield sets, np.arange(len(sets[0]))
         for e, arm in enumerate(self.group.arms):
@@ -225,20 +225,20 @@ class _ClosedForms:
         d = np.array([arm.displacement(q[:, arm.joints].T) for arm in self.group.arms])
         digits = []
         for e, arm in enumerate(self.group.arms):
-            own = q[:, arm.joints]
-            if arm.form is ClosedForm.PARALLEL_AXES:  # the number is that of its signs
-                _, signs = numbered_branches(arm.model, self.group.task, own.T[:, None])
+            values = q[:, arm.joints]
+            if arm.form is ClosedForm.PARALLEL_AXES:  # numbered by its signs
+                _, signs = numbered_branches(arm.model, self.group.task, values.T[:, None])
                 digits.append(signs.max(axis=1, initial=-1))
                 continue
             near = self._branches_of(e, d, pose).joints
-            apart = arm.model.joint_distance(near, own[:, None])
+            apart = arm.model.joint_distance(near, values[:, None])
             digits.append(np.where(np.isnan(apart), np.inf, apart).argmin(axis=1))
         return tuple(digits)
 
 
 def _all_exist(sets: Sequence[BranchSets]) -> BoolArray:
     """Which combinations of the arms' branches exist, shape (K, C)."""
-    every = np.ones((len(sets[0]), 1), dtype=bool)
+    exist = np.ones((len(sets[0]), 1), dtype=bool)
     for part in sets:
-        every = (every[:, :, None] & part.exist[:, None]).reshape(len(every), -1)
-    return every
+        exist = (exist[:, :, None] & part.exist[:, None]).reshape(len(exist), -1)
+    return exist

@@ -14,7 +14,7 @@ from pathlib import Path
 
 _KERNELS = b"\nfrom numba", b"\nfrom freefloat.lockstep.compilation "
 _CONSTANTS = re.compile(rb"^from freefloat\.(\S+) import (?:\(\s*)?[A-Z][A-Z_]", re.MULTILINE)
-"""Beginnings of lines of modules with kernels, and lines of theirs that import constants."""
+"""Beginnings of lines of modules with kernels; lines of these modules that import constants."""
 _logger = logging.getLogger("freefloat")
 
 

@@ -54,7 +54,7 @@ def _cached(function: Callable[..., Any]) -> Any:
 
 
 def inner(function: _Function) -> _Function:
-    """Compile a function that compiled functions alone call, as part of these."""
+    """Compile a function that compiled functions alone call, as part of its callers."""
     return cast(_Function, _part(function, **_OPTIONS))
 
 

@@ -1,11 +1,11 @@
-"""Compilation of functions that compiled functions alone call, and that become parts of these.
+"""Compilation of functions that compiled functions alone call, as parts of their callers.
 
 Numba optimizes every function with all that it calls, and translates it to machine code. For a
 function that is linked into others this is done again in each of them: a kernel of many functions
 took twice the time to compile.
 
-This extends private classes of Numba's compiler. With a version that has others the functions are
-compiled as Numba does it, see :func:`.compilation.inner`.
+This extends private classes of Numba's compiler. With a version that has other classes, the
+functions are compiled as Numba does it, see :func:`.compilation.inner`.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ class _Lower(Lower):
 
 @register_pass(mutates_CFG=True, analysis_only=False)
 class _FragmentLowering(NativeLowering):
-    """The translation of Numba's code to that of LLVM, which is left as it is."""
+    """The translation of Numba's code to LLVM's code, which is left as it is."""
 
     _name = "fragment_lowering"
     lowering_class = _Lower

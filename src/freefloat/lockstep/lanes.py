@@ -138,8 +138,8 @@ def function(result: Any, generate: Generate, *kinds: Any) -> Any:
 def _lowered(kinds: tuple[Any, ...], generate: Generate) -> Any:
     def lower(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         casts = [
-            context.cast(builder, value, given, kind)
-            for value, given, kind in zip(values, signature.args, kinds, strict=True)
+            context.cast(builder, value, source, kind)
+            for value, source, kind in zip(values, signature.args, kinds, strict=True)
         ]
         return generate(builder, *casts)
 
@@ -236,7 +236,7 @@ def any_of(mask: Mask) -> bool:
 
 @builtin
 def _quadrant(typing: Any, turns: Any) -> Any:
-    """Of a number of right angles: whether sine and cosine swap, and change their signs."""
+    """Whether sine and cosine swap, and change their signs, at a number of right angles."""
 
     def lower(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         def constant(number: int) -> Any:

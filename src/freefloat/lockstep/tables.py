@@ -152,9 +152,9 @@ def _get(context: Any, builder: Any, signature: Any, values: Any) -> Any:
 
 
 def _set(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-    table, index, given = signature.args
+    table, index, source = signature.args
     row, column = _indices(context, builder, index, values[1])
-    value = context.cast(builder, values[2], given, table.dtype)
+    value = context.cast(builder, values[2], source, table.dtype)
     _store(builder, table, _address(builder, table, values[0], row, column), value)
     return context.get_dummy_value()
 
@@ -173,12 +173,12 @@ def get_vector(typing: Any, table: Any, row: Any, column: Any) -> Any:
         row, column = (
             context.cast(builder, values[k], signature.args[k], types.int64) for k in (1, 2)
         )
-        found = []
+        elements = []
         for i in range(3):
             pointer = _address(builder, table, values[0], row, builder.add(column, INTEGER(i)))
             value = _load(builder, table, pointer)
-            found.append(context.cast(builder, value, table.dtype, lanes_type))
-        return pack(builder, found)
+            elements.append(context.cast(builder, value, table.dtype, lanes_type))
+        return pack(builder, elements)
 
     return vector_type(table, row, column), lower
 

@@ -25,7 +25,7 @@ _GAP = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class DirectedOrientation(OrientationLaw):
-    """One end-effector axis along a moving direction, a second as near as possible to a fixed one.
+    """An end-effector axis along a moving direction, a second axis nearest to a fixed direction.
 
     Attributes:
         axis: Letter of the first axis, with a minus sign for the opposite direction.
@@ -33,7 +33,7 @@ class DirectedOrientation(OrientationLaw):
         reference: Unit vector for the second axis, inertial frame, shape (3,). The axis is its
             component orthogonal to the first.
         curve: Curve of the end-effector.
-        target: Point toward which the direction is [m], shape (3,); None for that of travel.
+        target: Point toward which the direction is [m], (3,); None for the direction of travel.
     """
 
     axis: str

@@ -35,7 +35,7 @@ class EndEffectorPath:
 
     Raises:
         InputError: If a part has another type, a coordinate is not finite, or derivatives are not
-            those of the values.
+            the derivatives of the values.
 
     Example:
         >>> line = ff.paths.PolynomialCurve.line([1.6, 0.4, 0.0], [1.2, 0.9, 0.0])
@@ -72,9 +72,9 @@ class EndEffectorPath:
     def _require_derivatives(self) -> None:
         """Raise an InputError where curve or orientation contradict their derivatives."""
         for s in _CHECKED:
-            found, tangent = self._difference(s), self.tangent(s)
+            difference, tangent = self._difference(s), self.tangent(s)
             for key, part in (("curve", slice(3)), ("orientation", slice(3, 6))):
-                stated, moved = tangent[part], found[part]
+                stated, moved = tangent[part], difference[part]
                 size, length, error = np.linalg.norm([stated, moved, stated - moved], axis=1)
                 if size < _FASTEST and error > _DEVIATION * max(size, length, _SMALL):
                     values = ", ".join(f"{value:.4g}" for value in stated)

@@ -39,7 +39,7 @@ class RelativePath:
         >>> client = ff.SceneBody("client", ff.Box([1.0, 1.0, 2.0]), [3.0, 0, 0], motion=tumbling)
         >>> line = ff.paths.PolynomialCurve.line([-1.2, 0.0, 0.0], [-0.6, 0.0, 0.0])
         >>> relative = ff.paths.RelativePath(client, ff.EndEffectorPath(line), ff.Timing(20.0))
-        >>> relative.timed().twist(20.0).round(4)  # that of the point of the client
+        >>> relative.timed().twist(20.0).round(4)  # twist of the point of the client
         array([ 0.0546,  0.025 , ...])
     """
 

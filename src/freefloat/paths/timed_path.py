@@ -118,7 +118,7 @@ class TimedPath:
         return Pose(pose.position + self.origin(t), pose.rotation)
 
     def poses(self, t: float | Array) -> tuple[Pose, ...]:
-        """Those of all end-effectors that follow a path."""
+        """Poses of all end-effectors that follow a path, see :meth:`pose`."""
         return tuple(path.pose(t) for path in self.by_arm.values())
 
     def pose_at(self, s: float | Array) -> Pose:
@@ -169,7 +169,7 @@ class TimedPath:
     def twist(self, t: float | Array, segment: int | IntArray | None = None) -> Array:
         """End-effector twist relative to the centre of mass, inertial axes.
 
-        ``[linear; angular]`` [m/s; rad/s], shape (6,) or (K, 6). Time [s] and segment are those of
+        ``[linear; angular]`` [m/s; rad/s], shape (6,) or (K, 6). Time [s] and segment are as for
         :meth:`Timing.s`.
         """
         return self.twist_and_speed(t, segment)[0]
@@ -198,10 +198,10 @@ def path_key(arm: str) -> str:
 
 @dataclass(frozen=True, eq=False)
 class PathStack(TimedPath):
-    """The path of the first end-effector, with those of the end-effectors of further arms.
+    """The path of the first end-effector, with the paths of the end-effectors of further arms.
 
-    Twists are stacked, that of the first end-effector first; everything else that concerns one
-    end-effector is that of the first.
+    Twists are stacked, the twist of the first end-effector first; everything else that concerns one
+    end-effector concerns the first.
 
     Attributes:
         first: The path of the first end-effector.
@@ -236,7 +236,7 @@ class PathStack(TimedPath):
 
     @classmethod
     def of(cls, first: TimedPath, further: Mapping[str, TimedPath]) -> PathStack:
-        """The paths of arms, with that of the arm that the scenario names ``end_effector``."""
+        """The paths of arms, with the path of the arm that the scenario names ``end_effector``."""
         return cls(first.path, first.timing, first.drift, first=first, further=dict(further))
 
     @property
@@ -277,10 +277,10 @@ class PathStack(TimedPath):
 
     def prescribed_between(self, start: float, end: float) -> Prescription:
         """See :class:`TimedPath`."""
-        every = [path.prescribed_between(start, end) for path in self.by_arm.values()]
+        prescriptions = [path.prescribed_between(start, end) for path in self.by_arm.values()]
 
         def twists_and_speed(t: float) -> tuple[Array, float]:
-            twists, speeds = zip(*(prescribed(t) for prescribed in every), strict=True)
+            twists, speeds = zip(*(prescribed(t) for prescribed in prescriptions), strict=True)
             return np.concatenate(twists), speeds[0]
 
         return twists_and_speed
@@ -289,8 +289,8 @@ class PathStack(TimedPath):
         self, t: float | Array, segment: int | IntArray | None = None
     ) -> tuple[Array, Any]:
         """See :class:`TimedPath`."""
-        every = (path.twist_and_speed(t, segment) for path in self.by_arm.values())
-        twists, speeds = zip(*every, strict=True)
+        pairs = (path.twist_and_speed(t, segment) for path in self.by_arm.values())
+        twists, speeds = zip(*pairs, strict=True)
         return np.concatenate(twists, axis=-1), speeds[0]
 
     def twist_rate(self, t: float | Array, segment: int | IntArray | None = None) -> Array:

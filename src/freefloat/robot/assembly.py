@@ -54,7 +54,7 @@ def assemble(
 
     Returns:
         The assembly. Its mesh files are named relative to the arm's URDF, or by absolute paths
-        where they belong to other URDFs; its warnings are those of all URDFs and of the parts.
+        where they belong to other URDFs; it has the warnings of all URDFs and of the parts.
 
     Raises:
         InputError: If a part has another type.

@@ -173,7 +173,7 @@ class Joint:
 
     @property
     def moving(self) -> bool:
-        """Whether it is not fixed."""
+        """Whether the joint is not fixed."""
         return self.type in MOVING
 
 
@@ -205,13 +205,13 @@ class RobotDescription:
             URDF.
         diagnostics: Errors, then warnings by line.
         files: Further files that a xacro or MJCF file reads.
-        altered: Whether it has parts or masses that the file has not.
+        altered: Whether the robot has parts or masses that the file has not.
         frames: Links that are mere frames, sites of a model of MuJoCo.
         arguments: Arguments of a xacro file, with the values that were used.
         not_read: What the files of the robot and its parts say and freefloat does not use.
-        base: How its base moves.
+        base: How the base of the robot moves.
         left_out: A sentence for each further URDF with elements that the assembly has not.
-        disabled_pairs: Pairs of links that are not compared for contact, those of an SRDF file.
+        disabled_pairs: Pairs of links that are not compared for contact, from an SRDF file.
     """
 
     name: str
@@ -275,7 +275,7 @@ class RobotDescription:
 
     @cached_property
     def rigid_groups(self) -> Mapping[str, RigidGroup]:
-        """Links that fixed joints connect, by their first link, those of the roots first."""
+        """Groups of links that fixed joints connect, by first link, groups of the roots first."""
         heads = (*self.roots, *(joint.child for joint in self.joints if joint.moving))
         return {name: self._rigid_group(name) for name in heads if name in self.links_by_name}
 

@@ -16,9 +16,9 @@ from freefloat.rotations import Rotation
 from freefloat.so3 import Array, Pose
 
 FREE, PLANAR = 6, 3
-"""Numbers of the freedoms of a free base, and of one on a table."""
+"""Numbers of the freedoms of a free base, and of a base on a table."""
 NEGLIGIBLE = 1e-4
-"""Mass of links between virtual joints, over that of the robot, which some programs require."""
+"""Mass of links between virtual joints, over the robot's mass, which some programs require."""
 _BASES = "floating", "planar"
 """Types of joints that say how a base moves."""
 _ROUNDED = 1e-6
@@ -30,7 +30,7 @@ _INDEPENDENT = 1e-6
 _WIDTHS = {"prismatic": 2.0, "revolute": 6.2}
 """Smallest width of the range of a virtual joint that leaves a base free [m, rad]: a full turn."""
 _PITCH = 3.1
-"""The same of the second of three that turn: half a turn about it reaches every attitude."""
+"""Smallest width for the second of three revolute joints: half a turn reaches every attitude."""
 
 
 def with_free_base(robot: RobotDescription, element: Element) -> RobotDescription:
@@ -145,16 +145,16 @@ def solid_link(robot: RobotDescription, carried: str) -> str | None:
 
 def _base_joint(robot: RobotDescription) -> Joint | None:
     """The joint that lets a massless part without shapes carry the spacecraft: floating, planar."""
-    found = [joint for joint in robot.joints if joint.type in _BASES]
-    if len(found) != 1 or found[0].child not in robot.links_by_name:
+    bases = [joint for joint in robot.joints if joint.type in _BASES]
+    if len(bases) != 1 or bases[0].child not in robot.links_by_name:
         return None
-    if found[0].type == "planar" and not _is_vertical(found[0].axis):
+    if bases[0].type == "planar" and not _is_vertical(bases[0].axis):
         return None
-    kept = _below(robot, found[0].child)
-    others = (joint for joint in robot.joints if joint.parent not in kept and joint is not found[0])
-    still = all(joint.type == "fixed" for joint in others)
-    bare = solid_link(robot, found[0].child) is None
-    return found[0] if bare and still and found[0].parent not in kept else None
+    kept = _below(robot, bases[0].child)
+    above = (joint for joint in robot.joints if joint.parent not in kept and joint is not bases[0])
+    still = all(joint.type == "fixed" for joint in above)
+    bare = solid_link(robot, bases[0].child) is None
+    return bases[0] if bare and still and bases[0].parent not in kept else None
 
 
 def _is_vertical(axis: Array) -> bool:
@@ -203,7 +203,7 @@ def _mass(robot: RobotDescription, first: str) -> float:
 
 
 def _below(robot: RobotDescription, first: str) -> set[str]:
-    """A link and those that it carries."""
+    """A link and the links that it carries."""
     names, waiting = {first}, [first]
     for name in waiting:
         more = [joint.child for joint in robot.children.get(name, ()) if joint.child not in names]
@@ -213,7 +213,7 @@ def _below(robot: RobotDescription, first: str) -> set[str]:
 
 
 def _unused(joint: Joint, *, virtual: bool) -> Iterator[NotRead]:
-    """What a joint above the spacecraft says beside that this is free."""
+    """What a joint above the spacecraft says besides that the spacecraft is free."""
     name = f"joint {joint.name}"
     if virtual:
         meaning = "a virtual joint of the base; the spacecraft moves without it"

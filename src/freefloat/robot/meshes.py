@@ -78,8 +78,8 @@ def read_mesh(path: Path, scale: npt.ArrayLike = 1.0) -> tuple[Part, ...]:
     x, y, z = np.broadcast_to(np.asarray(scale, dtype=float), 3).tolist()
     state = None
     with suppress(OSError):
-        found = path.stat()
-        state = found.st_mtime_ns, found.st_size
+        status = path.stat()
+        state = status.st_mtime_ns, status.st_size
     return _parts(path, (x, y, z), state)
 
 

@@ -28,12 +28,12 @@ from freefloat.so3 import Array
 class FreeFloatingModel(RigidBodyModel):
     """A spacecraft with an arm: no external force, no actuation of the base.
 
-    The joints between the spacecraft and the end-effector move, except those that are fixed by
-    name, and those of further arms that are named; all other joints of the robot are fixed, those
-    that mimic others where these have them. Joint vectors list the moving joints from the
-    spacecraft to the end-effector, then those of the further arms, arms that follow paths first.
-    Methods refuse other attitudes than unit quaternions and other joint values than ``dof`` finite
-    numbers. The attributes are those of a :class:`.RigidBodyModel`.
+    The joints between the spacecraft and the end-effector move, except joints that are fixed by
+    name, and so do the joints of further arms that are named; all other joints of the robot are
+    fixed, mimicking joints where the joints that they mimic have them. Joint vectors list the
+    moving joints from the spacecraft to the end-effector, then the joints of the further arms, arms
+    that follow paths first. Methods refuse other attitudes than unit quaternions and other joint
+    values than ``dof`` finite numbers. The attributes are as in :class:`.RigidBodyModel`.
 
     Example:
         >>> model = ff.FreeFloatingModel.from_urdf("planar_3dof", "end_effector")
@@ -137,11 +137,11 @@ class FreeFloatingModel(RigidBodyModel):
         return cls(description, end_effector, {}, base=description.base, gravity=gravity)
 
     def scaled(self, scale_mass: float | Mapping[str, float]) -> FreeFloatingModel:
-        """The robot with a factor on every mass and inertia, or on those of named links."""
+        """The robot with a factor on every mass and inertia, or factors on named links alone."""
         return replace(self, description=scaled(self.description, scale_mass))
 
     def with_paths(self, *names: str) -> FreeFloatingModel:
-        """The robot of whose further arms those with some names follow paths of their own.
+        """The robot whose further arms with the given names follow paths of their own.
 
         Raises:
             InputError: If there is no such arm.
@@ -160,8 +160,8 @@ class FreeFloatingModel(RigidBodyModel):
                 accepted = ", ".join(self.arms) or "a robot with further arms that move"
                 raise InputError("arms", f"there is no arm {name!r}", accepted)
         paths = {name: self.arms[name] for name in names}
-        others = {name: link for name, link in self.arms.items() if name not in paths}
-        return replace(self, arms=others, path_arms={**self.path_arms, **paths})
+        arms = {name: link for name, link in self.arms.items() if name not in paths}
+        return replace(self, arms=arms, path_arms={**self.path_arms, **paths})
 
     def with_arms_at(self, joints: Array) -> FreeFloatingModel:
         """The robot whose arms on joint curves are fixed at values, shape (dof - arm_dof,)."""
@@ -230,7 +230,7 @@ def revolutions(ranges: tuple[Array, Array], low: Array, high: Array) -> tuple[A
 def shifts_into_ranges(model: FreeFloatingModel, low: Array, high: Array) -> Array:
     """Multiples of 2 pi that put joint values from low to high into their ranges, shape (..., n).
 
-    As few revolutions as do; where none do, those that leave the smallest excess.
+    As few revolutions as do; where none do, the revolutions that leave the smallest excess.
     """
     lower, upper = model.joint_ranges
     first, last = revolutions(model.joint_ranges, low, high)
@@ -261,7 +261,7 @@ def range_ratios(ranges: tuple[Array, Array], low: Array, high: Array) -> tuple[
 
 
 def largest_range_ratio(model: FreeFloatingModel, low: Array, high: Array) -> Array:
-    """The largest of these ratios of all joints, put into their ranges by revolutions, (...)."""
+    """The largest range ratio of all joints, put into their ranges by revolutions, (...)."""
     shifts = shifts_into_ranges(model, low, high)
     ratios = range_ratios(model.joint_ranges, low + shifts, high + shifts)
     return np.asarray(np.maximum(*ratios).max(axis=-1))

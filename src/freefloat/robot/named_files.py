@@ -47,7 +47,7 @@ def bundled_scenarios() -> tuple[str, ...]:
 
 
 def is_scenario(name: str) -> bool:
-    """Whether a name is that of a scenario, bundled or a file."""
+    """Whether a name stands for a scenario, bundled or a file."""
     return name in bundled_scenarios() or name.endswith((".yaml", ".yml"))
 
 

@@ -163,7 +163,7 @@ def _draws_alone(element: Any) -> bool:
 
 
 def _of_text(element: Any) -> Iterator[NotRead]:
-    """Text of an element, before, between or behind those in it."""
+    """Text of an element, before, between or behind the elements in it."""
     if any((text or "").strip() for text in (element.text, *(child.tail for child in element))):
         yield _entry(element, "", "text in place of attributes")
 

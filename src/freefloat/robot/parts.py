@@ -48,7 +48,7 @@ class Mount:
 
     @classmethod
     def of(cls, key: str, value: Any) -> Mount:
-        """A mount as it is given, or the one of a pose."""
+        """A mount as it is given, or the mount of a pose."""
         if isinstance(value, cls):
             return value
         pose = Pose.of(key, value, _MOUNT)

@@ -29,7 +29,7 @@ _JOINTS = (
 )
 _SHAPES = "a box, sphere, cylinder or capsule, or a mesh with a file"
 _Links = Mapping[str, tuple[int, Any]]
-"""Of each link the joint that moves it, and its placement in that joint's frame."""
+"""For each link the joint that moves it, and the placement of the link in the joint's frame."""
 
 
 def described(model: pin.Model, end_effector: str, geometry: Any = None) -> RobotDescription:
@@ -74,11 +74,11 @@ def _path(model: pin.Model, end_effector: str) -> list[int]:
 def _is_moved(model: pin.Model, joint: int) -> bool:
     """Whether a joint belongs to an arm: it is neither the universe nor the root."""
     _, *path = model.supports[joint].tolist()
-    return len(path) > 1 or any(model.joints[one].shortname() not in _ROOTS for one in path)
+    return len(path) > 1 or any(model.joints[k].shortname() not in _ROOTS for k in path)
 
 
 def _ranked(model: pin.Model) -> list[Any]:
-    """Frames of bodies, then other ones, without those of the universe and of joints that move."""
+    """Frames of bodies, then other frames, but no frames of the universe and of moving joints."""
     frames = (frame for frame in list(model.frames)[1:] if frame.type in _RANKS)
     return sorted(frames, key=lambda frame: _RANKS.index(frame.type))
 
@@ -89,11 +89,11 @@ def _links(model: pin.Model, joints: list[int]) -> tuple[dict[int, str], _Links]
     taken = {frame.name for frame in frames}
     bodies: dict[int, str] = {}
     for joint in joints:
-        own = (
+        names = (
             frame.name for frame in frames if frame.parentJoint == joint
             and frame.type == pin.FrameType.BODY and frame.placement.isIdentity(0.0)
         )  # fmt: skip
-        name = next(own, None) or _free(model.names[joint], taken)
+        name = next(names, None) or _free(model.names[joint], taken)
         bodies[joint] = _printable(name)
         taken.add(name)
     links = {name: (joint, pin.SE3.Identity()) for joint, name in bodies.items()}
@@ -114,7 +114,7 @@ def _fixed_joints(model: pin.Model) -> dict[str, str]:
 def _add_joints(
     robot: Element, model: pin.Model, bodies: Mapping[int, str], path: list[int]
 ) -> None:
-    """Add the joints between bodies; those that are neither revolute nor prismatic are fixed.
+    """Add the joints between bodies; joints that are neither revolute nor prismatic are fixed.
 
     Raises:
         ModelError: If such a joint is on the path to the end-effector, or mimics one that is.
@@ -152,10 +152,10 @@ def _add_frames(robot: Element, model: pin.Model, bodies: Mapping[int, str], lin
     for name, (joint, placement) in links.items():
         if name == bodies[joint]:
             continue
-        own = _free(fixed.get(name, f"{name}_fixed"), taken)
-        taken.add(own)
+        fixed_joint = _free(fixed.get(name, f"{name}_fixed"), taken)
+        taken.add(fixed_joint)
         etree.SubElement(robot, "link", name=name)
-        _add_joint(robot, own, "fixed", (bodies[joint], name), placement)
+        _add_joint(robot, fixed_joint, "fixed", (bodies[joint], name), placement)
 
 
 def _add_joint(

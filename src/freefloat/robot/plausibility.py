@@ -31,7 +31,7 @@ the densest links of stock robots 4,000; 7,850 is steel."""
 PLACEHOLDER = 1.0
 """Mass up to which stock robots have links with any inertia [kg]."""
 _TINY = 1e-15
-"""Moments of inertia that are zero but for rounding [kg m²]: those of a milligram at 0.03 mm."""
+"""Moments of inertia that are zero but for rounding [kg m²]: a milligram at 0.03 mm."""
 
 
 class Fault(NamedTuple):
@@ -51,7 +51,7 @@ class Fault(NamedTuple):
 
     @property
     def line(self) -> int:
-        """Line in the URDF; that of the link or joint where the element is missing."""
+        """Line in the URDF; the line of the link or joint where the element is missing."""
         if isinstance(self.where, int):
             return self.where
         lines = self.element.lines
@@ -254,7 +254,7 @@ def _reach(robot: RobotDescription, root: str) -> float:
 
 
 def unusable_meshes(robot: RobotDescription) -> Faults:
-    """Mesh files that are not there, and those of collision shapes without triangles, each once."""
+    """Mesh files that are not there, and unusable mesh files of collision shapes, each once."""
     seen = set[object]()
     for link in robot.links:
         for shape in link.shapes:

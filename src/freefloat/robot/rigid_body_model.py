@@ -132,7 +132,7 @@ class RigidBodyModel:
 
     @cached_property
     def end_effector_links(self) -> tuple[str, ...]:
-        """Links that follow paths: :attr:`end_effector_link`, then those of further arms."""
+        """Links that follow paths: :attr:`end_effector_link`, then the links of further arms."""
         return (self.end_effector_link, *self.path_arms.values())
 
     @cached_property
@@ -164,7 +164,7 @@ class RigidBodyModel:
 
     @property
     def dof(self) -> int:
-        """Number of moving joints; those of the arm that follows the path are ``arm_dof``."""
+        """Number of moving joints, of which ``arm_dof`` belong to arms that follow paths."""
         return len(self.moving_joints)
 
     @cached_property
@@ -262,11 +262,11 @@ class RigidBodyModel:
     def _poses(
         self, attitude: npt.ArrayLike, joints: npt.ArrayLike, places: Callable[[Any], list[Any]]
     ) -> tuple[Pose, ...]:
-        q, found = self.configuration(attitude, joints), []
+        q, matrices = self.configuration(attitude, joints), []
         for row in np.atleast_2d(q):
             pin.framesForwardKinematics(self.pin_model, self.scratch, row)
-            found.append([place.homogeneous for place in places(self.scratch)])
-        poses = np.swapaxes(found, 0, 1) if q.ndim == 2 else np.array(found[0])
+            matrices.append([place.homogeneous for place in places(self.scratch)])
+        poses = np.swapaxes(matrices, 0, 1) if q.ndim == 2 else np.array(matrices[0])
         return tuple(Pose(pose[..., :3, 3], pose[..., :3, :3]) for pose in poses)
 
     def joint_vector(
@@ -290,7 +290,7 @@ class RigidBodyModel:
     def joint_distance(self, first: npt.ArrayLike, second: npt.ArrayLike) -> Array:
         """Largest differences (...) of joint values (..., n), modulo 2 pi for revolute joints.
 
-        Those of the arm that follows the path count.
+        Only the joints of arms that follow paths count.
         """
         arm = slice(self.arm_dof)
         difference = np.asarray(first)[..., arm] - np.asarray(second)[..., arm]

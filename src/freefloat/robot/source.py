@@ -81,12 +81,12 @@ class RobotSource:
 
     @property
     def is_text(self) -> bool:
-        """Whether it is XML text and not the name of a file."""
+        """Whether the source is XML text and not the name of a file."""
         return isinstance(self.urdf, str) and self.urdf.lstrip("\ufeff \t\r\n").startswith("<")
 
     @property
     def exists(self) -> bool:
-        """Whether it is text or a file, and no name."""
+        """Whether the source is text or a file, and no name."""
         return self.is_text or is_file(Path(self.urdf))
 
     @property

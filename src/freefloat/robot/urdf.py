@@ -51,7 +51,7 @@ _MOST = 1000
 
 
 def parse_urdf(urdf: str | Path | RobotSource) -> RobotDescription:
-    """Decode a file or XML text; diagnostics are those of single attributes, and of the reader.
+    """Decode a file or XML text, with the diagnostics of single attributes, and of the reader.
 
     Raises:
         ModelError: If the file cannot be read, is not the XML of a robot, or has too many links.

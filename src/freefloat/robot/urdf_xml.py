@@ -48,7 +48,7 @@ _FORMATS = {
 PAIR = "disable_collisions"
 """Tag of two links that are not compared, in SRDF and where its pairs were added to a URDF."""
 _SRDF = {"group", "group_state", PAIR, "virtual_joint", "passive_joint"}
-"""Elements of SRDF, whose root element is that of URDF."""
+"""Elements of SRDF, which has the same root element as URDF."""
 MAGNITUDE = 1e12
 """Largest accepted number: squares of larger ones overflow."""
 ROUNDED = 1e-3
@@ -129,7 +129,7 @@ def _parsed(text: str, source: str, prefixes: int = _MOST_PREFIXES) -> Element:
 
 
 def _set_lines(robot: Element, lines: list[str]) -> None:
-    """Set the lines of elements to those on which they begin; to none where there are no lines."""
+    """Set each element's line to the line on which it begins; to none where there are no lines."""
     for element in robot.iter():
         if not lines:
             element.sourceline = 0  # lxml has None then
@@ -144,11 +144,11 @@ def _remove_namespace(robot: Element) -> None:
     namespace = etree.QName(robot).namespace
     if namespace is None:
         return
-    own = f"{{{namespace}}}"
+    prefix = f"{{{namespace}}}"
     for element in robot.iter():
-        element.tag = element.tag.removeprefix(own)
-        for key in [key for key in element.attrib if key.startswith(own)]:
-            element.set(key.removeprefix(own), element.attrib.pop(key))
+        element.tag = element.tag.removeprefix(prefix)
+        for key in [key for key in element.attrib if key.startswith(prefix)]:
+            element.set(key.removeprefix(prefix), element.attrib.pop(key))
     etree.cleanup_namespaces(robot)
 
 

@@ -176,7 +176,7 @@ def _joints(robot: RobotDescription) -> Faults:
         if joint.armature < 0.0:
             problem = f'its <dynamics armature="{joint.armature:g}"> is negative'
             yield Fault(joint, "dynamics", problem, "zero or more")
-        if np.linalg.norm(joint.axis) == 0.0:  # also that of 1e-200
+        if np.linalg.norm(joint.axis) == 0.0:  # also for 1e-200, which underflows
             yield Fault(joint, "axis", "its <axis> has no direction", 'xyz="0 0 1"')
 
 

@@ -29,13 +29,13 @@ class Corridor:
 
     Attributes:
         point: Apex of the cone, or a point on the axis of the cylinder [m], shape (3,); in
-            the path's frame, or in that of ``body``.
+            the path's frame, or in the frame of ``body``.
         axis: Direction from the apex into the cone, or of the cylinder's axis, same axes, shape
             (3,).
         half_angle: Largest angle between the axis and the line from the apex [rad]; what is less
             than 1 mm from the apex is inside.
         radius: Radius of the cylinder, which has no ends [m]; given instead of ``half_angle``.
-        body: Name of the body of the scene that it moves with.
+        body: Name of the body of the scene that the corridor moves with.
 
     Raises:
         InputError: If not exactly one of ``half_angle`` and ``radius`` is given, or a value is out
@@ -78,7 +78,7 @@ class Corridor:
         """Deviation of points (..., 3), in the corridor's frame, from the axis.
 
         Returns:
-            Of a cone the angle [rad], of a cylinder the distance [m], shape (...).
+            For a cone the angle [rad], for a cylinder the distance [m], shape (...).
         """
         offset = position - self.point
         along = offset @ self.axis
@@ -189,7 +189,7 @@ class Scene:
     def corridor_pose(
         self, t: float | Array, frame: SceneFrame, hand: EndEffectorPoses | None = None
     ) -> Pose:
-        """The frame of the corridor; arguments are those of :meth:`poses`."""
+        """The frame of the corridor; arguments are as in :meth:`poses`."""
         if self.corridor is None or self.corridor.body is None:
             return Pose(frame.origin(t), np.broadcast_to(np.eye(3), (*np.shape(t), 3, 3)))
         body = self.bodies[self.names.index(self.corridor.body)]

@@ -39,7 +39,7 @@ class EndEffectorPoses(NamedTuple):
 
     Attributes:
         prescribed: What is prescribed, of which tasks may leave a part free.
-        actual: The pose that it has, with which a body moves that is held.
+        actual: The pose that the end-effector has, with which a held body moves.
     """
 
     prescribed: Pose
@@ -47,16 +47,16 @@ class EndEffectorPoses(NamedTuple):
 
     @classmethod
     def on(cls, pose: Pose) -> EndEffectorPoses:
-        """Those of an end-effector that has the pose that is prescribed."""
+        """Poses of an end-effector that has the prescribed pose."""
         return cls(pose, pose)
 
 
 @dataclass(frozen=True, eq=False)
 class SceneBody:
-    """A body beside the robot, which no motion of the robot moves.
+    """A body beside the robot: at rest, drifting and tumbling, or held by the end-effector.
 
     Attributes:
-        name: Its name, not that of another body or of a link of the robot.
+        name: Name of the body, which no other body and no link of the robot has.
         shape: A box, sphere, cylinder or mesh; or the name of a file, of a mesh in metres or of a
             URDF, whose joints are all fixed at zero.
         position: Position of its frame at time zero [m], shape (3,): in the path's frame, whose
@@ -92,8 +92,8 @@ class SceneBody:
         if not self.name.strip():
             raise InputError("body.name", f"{self.name!r} was given", "a name")
         if isinstance(self.touch_links, str) or not isinstance(self.touch_links, Iterable):
-            given = f"{self.touch_links!r} was given"
-            raise InputError("body.touch_links", given, "a list of names of links")
+            problem = f"{self.touch_links!r} was given"
+            raise InputError("body.touch_links", problem, "a list of names of links")
         values = {
             "shape": _checked_shape("body.shape", self.shape),
             "position": frozen(finite_vector("body.position", self.position, 3)),
@@ -109,13 +109,13 @@ class SceneBody:
 
     @property
     def pose(self) -> Pose:
-        """Its frame at time zero, see ``position``."""
+        """The body's frame at time zero, see ``position``."""
         return Pose(self.position, self.orientation)
 
     def pose_at(
         self, t: float | Array, frame: SceneFrame, hand: EndEffectorPoses | None = None
     ) -> Pose:
-        """Its frame at time t [s] relative to the centre of mass, inertial axes.
+        """The body's frame at time t [s] relative to the centre of mass, inertial axes.
 
         Args:
             t: Time [s], or times (K,) of one sign, at which it has K poses.
@@ -133,7 +133,7 @@ class SceneBody:
         return Pose(pose.position + frame.origin(t), pose.rotation)
 
     def _turned(self, t: float | Array) -> Pose:
-        """Its frame at times t [s] in the path's frame, unless it moves with the target."""
+        """The body's frame at times t [s] in the path's frame, unless it moves with the target."""
         if isinstance(self.motion, str):
             return Pose(self.position, np.broadcast_to(self.orientation, (*np.shape(t), 3, 3)))
         com, turned = self.motion.com, self.motion.rotation(t)
@@ -155,13 +155,13 @@ class SceneBody:
 
     @property
     def source(self) -> str:
-        """File that the names of its meshes are relative to."""
+        """File that the names of the body's meshes are relative to."""
         return self.shape.source if isinstance(self.shape, RobotDescription) else ""
 
     def shapes(self, kind: Literal["visual", "collision"]) -> tuple[LinkShape, ...]:
-        """Its shapes in its frame, as they are drawn or for collisions.
+        """The body's shapes in its frame, as they are drawn or for collisions.
 
-        A link of a URDF without shapes of that kind has those of the other.
+        A link of a URDF without shapes of one kind has the shapes of the other kind.
         """
         if not isinstance(self.shape, RobotDescription):
             return (LinkShape(kind, IDENTITY, self.shape, None, 1),)
@@ -183,7 +183,7 @@ def _link_poses(description: RobotDescription) -> Iterator[tuple[Link, Pose]]:
 
 
 def _checked_shape(key: str, shape: object) -> Shape:
-    """The shape with absolute file names; that of a file for its name."""
+    """The shape with absolute file names; the shape of a file for the name of the file."""
     if isinstance(shape, str | Path):
         if not str(shape).lower().endswith(_MESHES):
             return read_urdf(find_robot(str(shape), Path()), mounted=True)

@@ -73,23 +73,23 @@ class Tumbling:
     def largest_rate(self) -> float:
         """Bound of the magnitude of the angular velocity at all times [rad/s].
 
-        That of the rotation with the same energy about the axis of the smallest moment.
+        It is the rate of the rotation with the same energy about the axis of the smallest moment.
         """
         energy = self.rate @ self.inertia @ self.rate
         return math.sqrt(energy / self._principal[0][0])
 
     def rotation(self, t: float | Array) -> Array:
-        """Rotation of the body from its attitude at time zero to that at time t [s].
+        """Rotation of the body from its attitude at time zero to its attitude at time t [s].
 
         Args:
             t: A time, or times (K,) of one sign.
 
         Returns:
-            Rotates vectors of the body's frame at time t into that at time zero, shape (3, 3), or
-            (K, 3, 3).
+            Rotates vectors of the body's frame at time t into its frame at time zero, shape (3, 3),
+            or (K, 3, 3).
 
         Raises:
-            InputError: If that is more than 1,000 revolutions, or times have both signs.
+            InputError: If the body may revolve more than 1,000 times, or times have both signs.
         """
         axes = self._principal[1]
         if isinstance(t, np.ndarray):
@@ -112,7 +112,7 @@ class Tumbling:
         return np.cross(rate @ self.inertia, rate) @ np.linalg.inv(self.inertia)
 
     def _state(self, t: float | Array) -> Array:
-        """Quaternion and rate at time t, principal axes, those of a reversed motion before zero.
+        """Quaternion and rate at time t, principal axes; before zero, of the reversed motion.
 
         Shape (7,), or (7, K).
         """

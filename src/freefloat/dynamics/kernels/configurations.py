@@ -33,7 +33,7 @@ class Configurations(NamedTuple):
     """A robot in K configurations, spacecraft frame from its origin.
 
     Attributes:
-        frames: Of each joint's link frame x and z axes and origin [m], and P, see
+        frames: The x and z axes and the origin of each joint's link frame [m], and P, see
             :mod:`.kinematics`, shape (K, n, 4, 3).
         centres: Centres of mass of the system [m], shape (K, 3).
         inverses: D^-1, shape (K, 3, 3).
@@ -50,11 +50,11 @@ class Configurations(NamedTuple):
         """The configurations with joint values (K, n); without frames unless bodies are placed."""
         count, n = joints.shape
         shapes = (count if placed else 0, n, 4, 3), (count, 3), (count, 3, 3), (count, 3, n)
-        found = cls(*map(np.empty, shapes))
+        configurations = cls(*map(np.empty, shapes))
         work = make_solver(n, robot.arms)
         q, inertia = workspace((n,), (6,))
-        place_all(robot, np.ascontiguousarray(joints), q, inertia, work, found)
-        return found
+        place_all(robot, np.ascontiguousarray(joints), q, inertia, work, configurations)
+        return configurations
 
 
 @compiled

@@ -1,4 +1,4 @@
-"""Cubics by cells: each motion reads those of its own cell."""
+"""Cubics by cells: each motion reads the cubics of its own cell."""
 
 from __future__ import annotations
 
@@ -45,18 +45,18 @@ def value(cubic: Cubic, x: Float) -> Float:
 
 @inlined
 def slope(cubic: Cubic, x: Float) -> Float:
-    """Its derivative by the fraction."""
+    """The derivative of a cubic by the fraction of its cell."""
     return (cubic.cube * (3.0 * x) + cubic.square * 2.0) * x + cubic.linear
 
 
 @inlined
 def bend(cubic: Cubic, x: Float) -> Float:
-    """Its second derivative."""
+    """The second derivative of a cubic."""
     return cubic.cube * (6.0 * x) + cubic.square * 2.0
 
 
 @inlined
 def integral(cubic: Cubic, x: Float) -> Float:
-    """Its integral from 0."""
+    """The integral of a cubic from 0."""
     part = (cubic.cube * (0.25 * x) + cubic.square * (1.0 / 3.0)) * x + cubic.linear * 0.5
     return (part * x + cubic.constant) * x

@@ -41,8 +41,8 @@ def form_jacobian(robot: Robot, q: Table, work: Solver) -> tuple[Float, Inertia,
     On a table D has a zz element alone, and column j of -Dq is written in place of L.
 
     Returns:
-        One over the mass, inverse and determinant of D; for planar tasks the latter is its zz
-        element.
+        One over the mass, inverse and determinant of D; for planar tasks and on a table the
+        determinant is its zz element.
     """
     M, _, D = place_arms(robot, q, work)
     share, w = 1.0 / M, work.momenta
@@ -142,7 +142,7 @@ def rigid_velocity(robot: Robot, j: int, share: Float, work: Solver) -> Vector:
 def in_task(robot: Robot, e: int, omega: Vector, work: Solver) -> Vector:
     """The components of an angular velocity from which the task of an arm takes its rows.
 
-    Those of ``pointing`` are along the x and y axes of the end-effector.
+    The components of ``pointing`` are along the x and y axes of the end-effector.
     """
     if not robot.pointing:
         return omega

@@ -76,7 +76,7 @@ def in_joint_frame(
         u: First moment.
         I: Inertia about the origin.
         s: Sine of the rotation.
-        c: Its cosine.
+        c: Cosine of the rotation.
         d: Displacement.
     """
     x, y, z = components(u)

@@ -1,9 +1,9 @@
 """Forward kinematics in lock step, with the momenta of the bodies on both sides of each joint.
 
-A joint moves the bodies on the spacecraft's side of it against those beyond. With the latter at
-rest, a unit rate gives the former the linear momentum -P and the angular momentum -L about the
-system's centre of mass: L = D a - Dq for a revolute joint with axis a, and L = -Dq for a prismatic
-one. Other arms that follow paths are on the spacecraft's side of the joints of each.
+A joint moves the bodies on the spacecraft's side of it against the bodies beyond. With the bodies
+beyond at rest, a unit rate gives the others the linear momentum -P and the angular momentum -L
+about the system's centre of mass: L = D a - Dq for a revolute joint with axis a, and L = -Dq for a
+prismatic one. Other arms that follow paths are on the spacecraft's side of the joints of each arm.
 
 All vectors are in the spacecraft frame.
 """
@@ -48,7 +48,7 @@ from freefloat.lockstep.tables import Table, get_vector, set_vector
 from freefloat.lockstep.vectors import Vector, components, cross, rolled, vector
 
 X_AXIS, AXIS, POINT, LINEAR, ANGULAR, TURN = range(0, 18, 3)
-"""Columns of ``Solver.momenta``: x and z axes of a joint's link frame, the latter that of the
+"""Columns of ``Solver.momenta``: x axis of a joint's link frame, z axis, which is the axis of the
 joint, and its origin; P and L; the spacecraft's angular velocity per joint rate, in whose place the
 sine and the cosine of the joint's angle are before."""
 TIP, TIP_X, TIP_Y, TIP_Z, END_MASS, END_MOMENT, END_DIAGONAL, END_PRODUCTS = (
@@ -68,7 +68,7 @@ def place_arms(robot: Robot, q: Table, work: Solver) -> tuple[Float, Vector, Ine
         work: Solver.
 
     Returns:
-        Mass and centre of mass of the system, and D, the inertia about the latter.
+        Mass and centre of mass of the system, and D, the inertia about the centre of mass.
     """
     w, M, (c, D) = work.momenta, 0.0 * q[0], row_of(robot.root, 0)
     for e in range(robot.arms):
@@ -95,7 +95,7 @@ def _keep(e: int, M: Float, c: Vector, I: Inertia, ends: Table) -> None:
 
 @inner
 def _place_others(robot: Robot, M: Float, work: Solver) -> tuple[Float, Vector, Inertia]:
-    """Add the momenta of the other arms to those of the joints of each; returns as place_arms."""
+    """Add the momenta of the other arms to each arm's joint momenta; returns as place_arms."""
     ends, w = work.ends, work.momenta
     root, (moment, inertia) = robot.root[0, MASS], row_of(robot.root, 0)
     M, u, I = 0.0 * M + root, moment, inertia  # of the spacecraft, then with the arms
@@ -126,7 +126,7 @@ def _inertia(ends: Table, e: int) -> Inertia:
 def place_arm(robot: Robot, e: int, q: Table, work: Solver) -> tuple[Float, Vector, Inertia]:
     """Write link frames, P and L of an arm's joints, L about the origin, and its end-effector.
 
-    Mass, first moment and inertia M, u and I are those of the spacecraft, then of all bodies
+    M, u and I are mass, first moment and inertia of the spacecraft, then of all bodies
     between spacecraft and joint, in the frame (``ex``, ``ey``, ``ez``) at ``p``, about its origin.
 
     Args:
@@ -213,9 +213,9 @@ def row_of(bodies: Table, row: int) -> tuple[Vector, Inertia]:
 def base_inertia(robot: Robot, row: int, q: Table, work: Solver) -> tuple[Vector, Inertia]:
     """First moment and inertia of the spacecraft with its further arms, in a link frame 0.
 
-    The momenta of these arms are written to ``work.carried``: the linear one is the derivative of
-    the first moment. Where they move, the element of ``q`` behind the joints is the time in units
-    of the duration.
+    The momenta of the further arms are written to ``work.carried``: the linear momentum is the
+    derivative of the first moment. Where the arms move, the element of ``q`` behind the joints is
+    the time in units of the duration.
     """
     arms = robot.further
     if arms.number == 0:

@@ -27,10 +27,10 @@ MASS, MOMENT, DIAGONAL, PRODUCTS = 0, 1, 4, 7
 """Columns of the bodies."""
 TOTAL_MASS, REACH, BASES, BASE_SIZE = 0, 1, 2, 12
 """First places of what ``Robot.properties`` has: total mass; reach; for each arm, link frame 0 in
-the spacecraft frame, x, y and z axes and origin; then rows of the bodies, of each arm those of the
-spacecraft in link frame 0 and of the links in theirs; coefficients of the measure ``arm``."""
+the spacecraft frame, x, y and z axes and origin; then rows of the bodies, for each arm the row of
+the spacecraft in link frame 0 and rows of the links in theirs; coefficients of measure ``arm``."""
 FIRST, BEYOND, TOOL = 0, 1, 2
-"""Columns of ``Robot.tools``: numbers of the arm's first joint and of the one behind its last;
+"""Columns of ``Robot.tools``: numbers of the arm's first joint and of the joint behind its last;
 position and x, y and z axes of the end-effector in the last link frame."""
 S_COLUMNS = 6 * MOST_ARMS
 
@@ -101,7 +101,7 @@ def solver_in_tables(work: Solver) -> Solver:
 
 @inner
 def robot_in_tables(robot: Robot, robots: Array | None, work: Solver) -> Robot:
-    """A robot's arrays as tables; the properties of robots that differ are those in the lanes."""
+    """A robot's arrays as tables; properties of robots that differ are in the lanes."""
     further = robot.further
     return Robot(
         floats(robot.joints, FRAME_COLUMNS),
@@ -115,7 +115,7 @@ def robot_in_tables(robot: Robot, robots: Array | None, work: Solver) -> Robot:
 
 @inner
 def load_robot(robots: Array | None, k: int, lane: int, work: Solver) -> None:
-    """Write the properties of robot k to a lane, unless those of all are equal."""
+    """Write the properties of robot k to a lane, unless they are equal for all robots."""
     if robots is not None:
         for j in range(robots.shape[1]):
             set_lane(work.properties, j, lane, robots[k, j])
