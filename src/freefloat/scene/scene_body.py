@@ -53,7 +53,7 @@ class EndEffectorPoses(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class SceneBody:
-    """A body beside the robot: at rest, drifting and tumbling, or held by the end-effector.
+    """A body beside the robot: fixed, tumbling, moving with the target of the path, or held.
 
     Attributes:
         name: Name of the body, which no other body and no link of the robot has.
