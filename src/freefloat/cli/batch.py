@@ -230,8 +230,8 @@ def _percentile_tables(result: StudyResult) -> Iterator[RenderableType]:
 
     rows = table("percentiles of", *(f"{percentage} %" for percentage in PERCENTILES), "of runs")
     for name, values in result.percentiles.items():
-        *found, runs = values.values()
-        rows.add_row(name, *(f"{value:.4g}" for value in found), f"{runs:,}")
+        *percentiles, runs = values.values()
+        rows.add_row(name, *(f"{value:.4g}" for value in percentiles), f"{runs:,}")
     if result.percentiles:
         yield rows
 

@@ -37,7 +37,7 @@ _Epoch = Annotated[str | None, option(
 _Frame = Annotated[str | None, option("NAME", "Name of the inertial axes in aem; default EME2000.")]
 _Object = Annotated[
     str | None,
-    option("NAME", "Name of the spacecraft in aem; default that of the robot.", "--object"),
+    option("NAME", "Name of the spacecraft in aem; default the robot's name.", "--object"),
 ]
 _ObjectId = Annotated[
     str | None, option("ID", "Its identifier in aem: 2026-001A; default its name.")

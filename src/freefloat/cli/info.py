@@ -48,7 +48,7 @@ def info(
 ) -> None:
     """Describe a robot: bodies, joints, barycentric lengths, errors and warnings of its URDF.
 
-    Of a scenario also its scene, its limits of pointing and of the spacecraft's turn, and wheels.
+    For a scenario also its scene, its limits of pointing and of the spacecraft's turn, and wheels.
 
     Errors and warnings have file, line, link or joint, and a correction. With --joints, the pose of
     the end-effector in spacecraft, base and inertial axes, the last from --attitude (identity when

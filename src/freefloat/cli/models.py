@@ -21,7 +21,7 @@ _Name = Annotated[str | None, typer.Argument(
 )]  # fmt: skip
 
 _Kind = Annotated[Literal["scenario", "study"] | None, typer.Argument(
-    metavar="[KIND]", help="Print the schema of these files alone.",
+    metavar="[KIND]", help="Print the schema of scenario or study files alone.",
 )]  # fmt: skip
 
 

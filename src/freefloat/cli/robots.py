@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from freefloat.robot.source import RobotSource
 
 _SHOWN = 3
-"""Links or joints that are named of those with the same problem."""
+"""Number of links or joints with the same problem that are named."""
 
 RobotName = Annotated[str, typer.Argument(
     metavar="MODEL_OR_SCENARIO",
@@ -58,7 +58,7 @@ class FileOptions:
 
     @property
     def given(self) -> dict[str, object]:
-        """Those that were given, by name."""
+        """Options that were given, by name."""
         return {name: value for name, value in vars(self).items() if value}
 
 

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from freefloat.planning.simulation import Simulation
 
 _Heading = Annotated[float | None, option(
-    "DEG", "The same for planar tasks and on a table: degrees about z, or the plane's normal.",
+    "DEG", "Heading for planar tasks and on a table: degrees about z, or the plane's normal.",
 )]  # fmt: skip
 _Joints = Annotated[
     Sequence[float] | None,
@@ -63,10 +63,10 @@ def simulate(
 ) -> None:
     """Integrate the motions of all arm branches from one initial attitude.
 
-    One motion is chosen: that of --branch or --joints, or of the arm configuration closest to the
-    scenario's search.joints; without these the feasible one with the largest minimum margin that
-    keeps the joint ranges and the scenario's limits, which are checked along it. The files of -o
-    and --html contain all motions. Exit code 1: the chosen motion ends before the path does, or
+    One motion is chosen: the motion of --branch or --joints, or of the arm configuration closest to
+    the scenario's search.joints; without these the feasible one with the largest minimum margin
+    that keeps the joint ranges and the scenario's limits, which are checked along it. The files of
+    -o and --html contain all motions. Exit code 1: the chosen motion ends before the path does, or
     violates a limit.
 
     Example: freefloat simulate spatial_6dof/line --attitude 0.46008 0.09337 0.73519 -0.48898

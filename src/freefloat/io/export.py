@@ -54,7 +54,7 @@ class Format(StrEnum):
 
     @property
     def has_samples(self) -> bool:
-        """Whether it has samples of a motion; MJCF has its ends."""
+        """Whether the format has samples of a motion; MJCF has the motion's ends."""
         return self is not Format.MJCF
 
 
@@ -138,7 +138,7 @@ def export(
     """Write the trajectory of a motion for other tools.
 
     The phases of a manoeuvre are written to files of their own, ``NAME_3_path.csv``; their times
-    and positions of the centre of mass are those of the manoeuvre.
+    and positions of the centre of mass are the manoeuvre's.
 
     Args:
         result: A motion, or a plan, simulation or goal, whose motion is written, or a
@@ -149,7 +149,7 @@ def export(
         rate: Samples per second [Hz], given in place of times.
         epoch: Instant of t = 0 in formats with dates, AEM and MCAP; UTC.
         frame: Name of the inertial axes in AEM.
-        object_name: Name of the spacecraft in AEM; default is that of the robot, or
+        object_name: Name of the spacecraft in AEM; default is the robot's name, or
             ``spacecraft`` where it was assembled from an arm.
         object_id: Its identifier in AEM, such as ``2026-001A``; default is the name.
 

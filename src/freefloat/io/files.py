@@ -15,7 +15,7 @@ from freefloat.errors import InputError
 
 _SUFFIX = ".partial"
 _KEPT = 40
-"""Characters of a name in that of its temporary file; names have at most 255 bytes."""
+"""Characters of a name in the name of its temporary file; names have at most 255 bytes."""
 _ABANDONED = 3600.0
 """Age of a temporary file whose process was killed [s]; writing takes seconds."""
 _FILE = "a file in an existing, writable folder with enough space"
@@ -27,7 +27,7 @@ _FOLDER = "a writable folder, or the name of one in an existing, writable folder
 
 
 def require_result_name(path: Path) -> None:
-    """Raise an InputError unless a name is that of an HDF5 file, not that of another format."""
+    """Raise an InputError unless a name is the name of an HDF5 file, not of another format."""
     if path.suffix.lower() not in _RESULTS:
         accepted = f"a name with {' or '.join(_RESULTS)}"
         raise InputError("output", f"{str(path)!r} was given", accepted)
@@ -97,7 +97,7 @@ def _require_folder(folder: Path) -> None:
 
 @contextmanager
 def file_errors(key: str, path: Path, accepted: str) -> Iterator[None]:
-    """Raise errors of the file system as those of an argument."""
+    """Raise errors of the file system as errors of an argument."""
     try:
         yield
     except (OSError, RuntimeError, ValueError) as error:  # a loop of links, a null character

@@ -108,8 +108,8 @@ def load(path: str | Path) -> Any:
 
     Raises:
         InputError: If it is not a result file, or one of another format.
-        AlteredFileError: If it is not as it was saved: its digest is not that of its content, or
-            its parts contradict each other.
+        AlteredFileError: If it is not as it was saved: its digest is not the digest of its content,
+            or its parts contradict each other.
 
     Example:
         >>> problem = ff.load_scenario("planar_2dof/line").problem()

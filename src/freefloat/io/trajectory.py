@@ -29,11 +29,11 @@ class Header:
     Attributes:
         epoch: Instant of t = 0; UTC where it has no time zone.
         frame: Name of the inertial axes.
-        object_name: Name of the spacecraft; None for that of the robot.
+        object_name: Name of the spacecraft; None for the name of the robot.
         object_id: Its identifier, such as ``2026-001A``; None for the name.
 
     Raises:
-        InputError: If a name is empty, or has other characters than those of a line of ASCII.
+        InputError: If a name is empty, or has characters that no line of ASCII has.
     """
 
     epoch: datetime = J2000
@@ -63,7 +63,7 @@ class Track:
 
     Attributes:
         arm: Name of its arm; empty for the one on the path of the problem.
-        positions: From the centre of mass, inertial axes [m], shape (K, 3).
+        positions: Positions from the centre of mass, inertial axes [m], shape (K, 3).
         orientations: Quaternions x, y, z, w of continuous sign, shape (K, 4).
     """
 
@@ -76,7 +76,7 @@ class Track:
 class Trajectory:
     """A motion sampled at given times.
 
-    Rates and accelerations are those of the motion's law, see :mod:`freefloat.motion.law`: along a
+    Rates and accelerations follow the motion's law, see :mod:`freefloat.motion.law`: along a
     path the rates solve equation (4), and the accelerations its time derivative; joint
     accelerations of redundant arms and of the task ``pointing`` are central differences of the
     rates. At an end in a dynamic singularity both are NaN.
@@ -84,18 +84,18 @@ class Trajectory:
     Attributes:
         motion: The motion.
         times: Times, rising [s], shape (K,).
-        attitudes: Of the spacecraft, quaternions x, y, z, w of continuous sign, shape (K, 4).
-        base_positions: Of the root link from the centre of mass, even where that drifts, inertial
-            axes [m], shape (K, 3).
+        attitudes: Attitudes of the spacecraft, quaternions x, y, z, w of continuous sign, (K, 4).
+        base_positions: Positions of the root link from the centre of mass, even where that
+            drifts, inertial axes [m], shape (K, 3).
         base_velocities: Velocities of the same point, inertial axes [m/s], shape (K, 3).
-        angular_velocities: Of the spacecraft, inertial axes [rad/s], shape (K, 3).
+        angular_velocities: Angular velocities of the spacecraft, inertial axes [rad/s], (K, 3).
         joints: Joint values [rad or m], shape (K, n).
         joint_rates: Joint rates [rad/s or m/s], shape (K, n).
         joint_accelerations: Joint accelerations [rad/s² or m/s²], shape (K, n).
         joint_torques: Joint torques of inverse dynamics [N m or N], shape (K, n).
-        end_effectors: Poses of the end-effectors of all arms that move, that on the path of the
-            problem first.
-        centre_of_mass_positions: In the path's frame [m], shape (K, 3).
+        end_effectors: Poses of the end-effectors of all arms that move, the one on the path of
+            the problem first.
+        centre_of_mass_positions: Positions of the centre of mass, path's frame [m], shape (K, 3).
         measure: Signed singularity measure of the margin, shape (K,).
         header: What files with dates and names state.
         feasible: Whether the answer that has the motion is feasible; None for a motion alone.

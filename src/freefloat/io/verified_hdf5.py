@@ -77,7 +77,7 @@ def read_hdf5(path: Path, accepted: str) -> Tree:
 
     Raises:
         InputError: If it is no such file.
-        AlteredFileError: If its digest is not that of its content.
+        AlteredFileError: If its digest is not the digest of its content.
     """
     try:
         if not path.is_file():

@@ -16,7 +16,7 @@ VERDICTS = (FEASIBLE, INFEASIBLE, ERROR)
 INTEGER, REAL, TEXT, BOOLEAN = "INTEGER", "REAL", "TEXT", "BOOLEAN"
 """Types of columns, by their names in the database."""
 UNCHECKED = "not considered"
-"""Of contact between bodies, in the rows of studies whose runs do not consider it."""
+"""Contact between bodies, in the rows of studies whose runs do not consider it."""
 MARGIN_REASON, LIMITS_REASON = "The margin is not kept.", "Limits are not kept: {}."
 """Why a motion that completes is infeasible."""
 LIMITING, MARGIN_LIMITS, SINGULARITY_LIMITS = "{} of {}", "margin", "singularity"

@@ -42,7 +42,7 @@ def completed_by_scheduler(
         work: What a worker does with the study and a task.
         study: The study, which workers receive once.
         tasks: The tasks.
-        address: Address of the scheduler. Certificates for ``tls://`` are those of Dask's
+        address: Address of the scheduler. Certificates for ``tls://`` come from Dask's
             configuration.
 
     Raises:

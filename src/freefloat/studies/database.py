@@ -72,7 +72,7 @@ class StudyDatabase:
         return is_whole(self.folder / FILES / "undisturbed.h5")
 
     def worst_without_file(self, count: int) -> list[int]:
-        """Numbers of those of the ``count`` runs with the smallest margins without a whole file."""
+        """Numbers of runs without a whole file, of the ``count`` runs with the smallest margins."""
         from freefloat.io.verified_hdf5 import is_whole  # imports slowly
 
         query = "SELECT number, file FROM runs WHERE margin IS NOT NULL ORDER BY margin, number"
@@ -131,7 +131,7 @@ def open_results(
     """Open the database of a study; a new folder gets a new database.
 
     This process alone writes to it; others may read it meanwhile. Rows whose digest is wrong are
-    removed with a warning: they are those of runs that are not finished.
+    removed with a warning: their runs count as not finished.
 
     Args:
         folder: Folder of the study.
@@ -161,7 +161,7 @@ def open_results(
 
 
 def _create_or_check(connection: sqlite3.Connection, study: Study, files: Files) -> None:
-    """Create the tables of a new database; check those of an existing one.
+    """Create the tables of a new database; check the tables of an existing one.
 
     Raises:
         DatabaseError: If it is damaged or has other tables.

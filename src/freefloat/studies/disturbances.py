@@ -58,7 +58,7 @@ class Chunk:
 
 
 def is_bound(key: str) -> bool:
-    """Whether a key is that of a bound, of a limit or of the margin, that may differ."""
+    """Whether a key is the key of a bound, of a limit or of the margin, that may differ."""
     return key == FRACTION or _BOUND.fullmatch(key) is not None
 
 
@@ -91,8 +91,8 @@ def why_alone(study: Study) -> list[str]:
 def group_numbers(study: Study) -> IntArray:
     """Number of the group of each run, integrated as one ensemble; -1 of runs on their own.
 
-    Those are runs of other commands than simulate, of small groups, with random values of keys that
-    no ensemble represents, and of studies that keep the file of every run.
+    Runs on their own are runs of other commands than simulate, of small groups, with random values
+    of keys that no ensemble represents, and of studies that keep the file of every run.
     """
     alone = np.full(study.count, -1)
     if why_alone(study):
@@ -107,7 +107,7 @@ def group_numbers(study: Study) -> IntArray:
 
 
 def selected(values: Values, places: IntArray) -> Values:
-    """Of values by key those of some runs."""
+    """Select the values of some runs from values by key."""
     return {
         key: column[places] if isinstance(column, np.ndarray) else [column[k] for k in places]
         for key, column in values.items()
@@ -166,7 +166,7 @@ class Line:
     axes: Array
 
     def offsets(self, values: Values, count: int) -> Array:
-        """From its ends to those of ``count`` runs with values by key, shape (K, 2, 3)."""
+        """Offsets from its ends to the ends of ``count`` runs with values by key, (K, 2, 3)."""
         ends = np.tile(self.ends, (count, 1, 1))
         for key, column in values.items():
             whole, _, entry = key.rpartition(".")
@@ -215,7 +215,7 @@ def _attitudes(key: str, column: Array | Sequence[Any], problem: Problem) -> Arr
 
 
 def _accepted(name: str, array: Array, problem: Problem) -> BoolArray:
-    """Of which runs an ensemble accepts the values of an argument."""
+    """Which runs have values of an argument that an ensemble accepts."""
     rows = array.reshape(len(array), -1)
     with np.errstate(invalid="ignore"):
         accepted = (np.abs(rows) <= _LARGEST).all(axis=1)
@@ -235,7 +235,7 @@ def _accepted(name: str, array: Array, problem: Problem) -> BoolArray:
 def bound_ratios(
     values: Values, nominal: Mapping[str, float], count: int
 ) -> tuple[dict[str, Array], BoolArray]:
-    """Nominal bounds over those of runs by key, and whether all of a run are accepted.
+    """Nominal bounds over the bounds of runs by key, and whether all bounds of a run are accepted.
 
     Args:
         values: Values by key.
@@ -260,7 +260,7 @@ def limit_scales(
     """Factors on the ratios of Q quantities of limits, shape (K, Q); None where none varies.
 
     Args:
-        ratios: Nominal bounds over those of K runs by key.
+        ratios: Nominal bounds over the bounds of K runs by key.
         limits: Joints, or other names, of the quantities of each limit.
         pointing: The limits of axes.
     """

@@ -30,12 +30,12 @@ _TIMED_RUNS, _ENOUGH = 5, 2.0
 
 @dataclass(frozen=True, eq=False)
 class StudyEstimate:
-    """Runs of a study and the expected duration of those that are not finished.
+    """Runs of a study and the expected duration of the runs that are not finished.
 
     Attributes:
         study: The study.
         finished: Numbers of the finished runs.
-        workers: Number of workers; None for those of a scheduler.
+        workers: Number of workers; None for the workers of a scheduler.
         run_seconds: Expected time of a run on a core [s]; None if no run could be timed.
         files: Number of result files that are written after the runs.
         file_seconds: Expected time of such a file on a core [s].

@@ -63,7 +63,7 @@ def chunks(study: Study, missing: IntArray, size: int | None = None) -> Iterator
 
 
 def computed(study: PortableStudy, chunk: Chunk, threads: int | None = None) -> Columns:
-    """Compute the runs of a chunk; return the rows of those that are decided.
+    """Compute the runs of a chunk; return the rows of the runs that are decided.
 
     Args:
         study: The study.

@@ -41,14 +41,14 @@ class Group:
         problem: What the runs have in common.
         relative: Whether the margin is a fraction of the largest value of each run's measure.
         attitude: Initial attitude, shape (4,); None where it varies.
-        branch: Number of the arm branch; None for that near joints, or the best of each run.
-        joints: Joint values near those of the arm branch, shape (n,); None where the attitude
-            varies, or without them.
+        branch: Number of the arm branch; None for the branch near joints, or the best of each run.
+        joints: Joint values near the joints of the arm branch, shape (n,); None where the
+            attitude varies, or without them.
         limits: The limits that ensembles know.
         recorded: The limits that recorded motions show.
         others: Names of the limits that only precise motions show.
         nominal: Values of the varied keys of limits and margin that the problem has.
-        robot: The robot of which those of the runs are variations.
+        robot: The robot of which the robots of the runs are variations.
         line: The path, if its ends vary.
     """
 
@@ -71,7 +71,7 @@ class Group:
         return self.branch is None and self.study.arm_start.joints is None
 
     def integrate(self, numbers: IntArray, threads: int) -> tuple[IntArray, ManyMotions]:
-        """Integrate runs; return the numbers of those whose values fit, and their motions."""
+        """Integrate runs; return the numbers of the runs whose values fit, and their motions."""
         first = int(numbers[0])
         drawn = self.study.variation.values(first, int(numbers[-1]) + 1 - first)
         values = disturbances.selected(drawn, numbers - first)
@@ -118,23 +118,23 @@ class Group:
 
     @property
     def limit_places(self) -> tuple[tuple[str, ...], ...]:
-        """Of each of these limits the joints, or other names, of its quantities."""
+        """Joints, or other names, of the quantities of each limit of :attr:`limit_names`."""
         return self.limits.places + self.recorded.places
 
     def _with_recorded(
         self, disturbed: ScaledMotions, motions: ManyMotions, threads: int
     ) -> ManyMotions:
-        """Motions with the limits that recorded ones show, of those that keep all else."""
+        """Motions with the limits that recorded motions show, for motions that keep all else."""
         known = motions.limits
         values = LimitValues.empty(len(motions), len(self.recorded.names))
         keeping = ((known.ratios <= 1.0) & known.certain).all(axis=1)
         kept = np.flatnonzero(motions.feasible & keeping)
         parts = range(_RECORDED_TOGETHER, len(kept), _RECORDED_TOGETHER)
         for chosen in np.split(kept, parts) if len(kept) else ():
-            found = self.recorded.values(
+            recorded = self.recorded.values(
                 disturbed[chosen], motions.attitudes[chosen], motions.joints[chosen], threads
             )
-            for array, part in zip(values, found, strict=True):
+            for array, part in zip(values, recorded, strict=True):
                 array[chosen] = part
         return replace(motions, limits=known.and_others(values))
 
@@ -157,7 +157,7 @@ class Group:
         return np.asarray(kept), np.asarray(motions.completed & certain)
 
     def are_decided(self, motions: ManyMotions) -> BoolArray:
-        """Whether motions have a verdict; those of others need a precise motion, shape (K,)."""
+        """Whether motions have a verdict; verdicts of others need a precise motion, shape (K,)."""
         _, certain = self.keep_limits(motions)
         return np.asarray(motions.reached & ~motions.failed & (certain | ~motions.feasible))
 
@@ -247,14 +247,14 @@ def _mounts_vary(parameters: Mapping[str, Any]) -> bool:
 
 
 def _varied_robot(study: Study, document: dict[str, Any], scenario: Scenario) -> VariedRobot:
-    """The robot of a group, and how that of a run is built, without a factor on all links."""
+    """The robot of a group, and how the robot of a run is built, without a factor on all links."""
 
     def model_of(number: int) -> FreeFloatingModel:
         values = study.parameters(number).items()
-        own = {key: value for key, value in values if key.split(".")[0] == "robot"}
-        if not isinstance(own.get(SCALE_MASS, {}), dict):
-            own[SCALE_MASS] = 1.0
-        return study.scenario_of(with_values(document, own)).model()
+        robot_values = {key: value for key, value in values if key.split(".")[0] == "robot"}
+        if not isinstance(robot_values.get(SCALE_MASS, {}), dict):
+            robot_values[SCALE_MASS] = 1.0
+        return study.scenario_of(with_values(document, robot_values)).model()
 
     model, search, present = scenario.model(), scenario.search(), None
     if _moves_with_robot(scenario) and search.joints is not None:  # without, there is no path
@@ -281,9 +281,9 @@ def _limits_of_runs(
     limits, problem = scenario.limits(), scenario.problem()
     bounds = {kind.name: getattr(limits, kind.name) for kind in GIVEN}
     numbers = {name: b for name, b in bounds.items() if b is not None and not isinstance(b, str)}
-    given = {name for name, bound in numbers.items() if np.size(bound) > 0}
+    names = {name for name, bound in numbers.items() if np.size(bound) > 0}
     if problem.scene.corridor is not None:
-        given.add(CorridorLimit.name)
+        names.add(CorridorLimit.name)
     recorded = (
         RecordedLimits(problem) if mounts else RecordedLimits.of(problem, limits, moved=moved)
     )
@@ -292,4 +292,4 @@ def _limits_of_runs(
     )
     known = KnownLimits(problem.model, limits.joint_rate, limits.base_rate, attitude)
     seen = {*KNOWN, *recorded.names} - ({"pointing"} if mounts else set())
-    return known, recorded, tuple(sorted(given - seen))
+    return known, recorded, tuple(sorted(names - seen))

@@ -28,9 +28,9 @@ _NAMED = ("file", "bytes")
 
 def require_whole(connection: sqlite3.Connection) -> None:
     """Raise a DatabaseError if SQLite finds a fault in its pages, or values that tables refuse."""
-    (found,) = connection.execute("PRAGMA quick_check(1)").fetchone()
-    if found != "ok":
-        raise sqlite3.DatabaseError(found.splitlines()[-1])
+    (damage,) = connection.execute("PRAGMA quick_check(1)").fetchone()
+    if damage != "ok":
+        raise sqlite3.DatabaseError(damage.splitlines()[-1])
 
 
 def rows_of_study(connection: sqlite3.Connection) -> list[tuple[str, ...]]:

@@ -114,9 +114,9 @@ def _check_use(study: Study) -> None:
     users["search"] = [Command.PLAN, Command.MAP]
     if not study.initial_attitude(0):  # the plan is followed
         users["search"] = [*users["search"], Command.TRACK]
-    given = {name: name for name in StudyFile.model_fields if name in content.model_fields_set}
+    keys = {name: name for name in StudyFile.model_fields if name in content.model_fields_set}
     for key, name in (
-        given | {f"vary.{key}": key.partition(".")[0] for key in content.vary}
+        keys | {f"vary.{key}": key.partition(".")[0] for key in content.vary}
     ).items():
         if command not in (accepted := users.get(name, [command])):
             problem = f"command {command} does not use it"
@@ -181,8 +181,8 @@ def _check_extreme(study: Study) -> None:
     """
     variation = study.variation
     drawn = [key for key, section in study.content.vary.items() if section.values is None]
-    every = variation.columns(0, study.count) if drawn else {}
-    runs = {key: _extreme_runs(key, every) for key in drawn}
+    columns = variation.columns(0, study.count) if drawn else {}
+    runs = {key: _extreme_runs(key, columns) for key in drawn}
     for key, places in variation.places(0, study.count).items():
         if key.startswith(TRACK):
             runs[key] = np.unique(places, return_index=True)[1].tolist()

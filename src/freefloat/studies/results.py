@@ -121,7 +121,7 @@ class StudyResult:
         """Percentiles of the results that are numbers, unless all runs have the same, by column.
 
         ``runs`` is the number of runs that have the result: ratios of torques and clearances are
-        known of those alone that keep all else.
+        known only of runs that keep all else.
         """
         percentiles = {}
         for name, kind in self.rows.types.items():
@@ -129,8 +129,8 @@ class StudyResult:
                 continue
             values = self.rows.column(name, f"WHERE {quoted(name)} IS NOT NULL")
             if len(values) and np.ptp(values) > _SAME_NUMBER * np.abs(values).max():
-                found = np.percentile(values, PERCENTILES).tolist()
-                percentiles[name] = dict(zip(map(str, PERCENTILES), found, strict=True))
+                numbers = np.percentile(values, PERCENTILES).tolist()
+                percentiles[name] = dict(zip(map(str, PERCENTILES), numbers, strict=True))
                 percentiles[name]["runs"] = len(values)
         return percentiles
 
@@ -155,12 +155,12 @@ class StudyResult:
             "SELECT min(number), sum(verdict = 'feasible'), sum(verdict != 'error'), min(margin) "
             f"FROM runs GROUP BY {', '.join(map(quoted, columns))} ORDER BY min(number)"
         )
-        found = list(self.rows.query(query))
-        if not 1 < len(found) < self.done:
+        rows = list(self.rows.query(query))
+        if not 1 < len(rows) < self.done:
             return []
         return [
             Combination({key: self.study.parameters(number)[key] for key in varied}, *results)
-            for number, *results in found
+            for number, *results in rows
         ]
 
     @cached_property

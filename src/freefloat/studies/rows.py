@@ -47,7 +47,7 @@ _Columns = Sequence[Sequence[Any]]
 class StudyRows:
     """The finished runs of a study: values by column, as in ``cases.csv``.
 
-    ``for row in rows`` yields all, ordered by number; ``rows[17]`` is that of run 17.
+    ``for row in rows`` yields all rows, ordered by number; ``rows[17]`` is the row of run 17.
     """
 
     def __init__(self, file: Path, parameters: Sequence[str]) -> None:
@@ -96,7 +96,7 @@ class StudyRows:
         return self.columns([name], condition)[name]
 
     def columns(self, names: Sequence[str], condition: str = "") -> dict[str, npt.NDArray[Any]]:
-        """The same for several columns, by name."""
+        """Values of several columns by name, each as :meth:`column` returns it."""
         types, special = self.types, {NUMBER: np.int64}
         kinds = [special.get(name, object if types[name] == TEXT else float) for name in names]
         query = f"{self.selection(names)} {condition} ORDER BY number"

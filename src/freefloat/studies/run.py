@@ -65,7 +65,7 @@ class RunResult:
     content: bytes | None = field(default=None, repr=False)
 
     def written(self, folder: Path) -> RunResult:
-        """The same after its result file was written in the folder of the study, and is named.
+        """The result after its file was written in the folder of the study, and is named.
 
         Raises:
             InputError: If it cannot be written.
@@ -95,7 +95,7 @@ def execute(study: PortableStudy, number: int, save_file: bool = False) -> RunRe
 
     Args:
         study: The study.
-        number: Number of the run, or that of the undisturbed simulation.
+        number: Number of the run, or the number of the undisturbed simulation.
         save_file: Whether to return the result file.
     """
     began = datetime.now(UTC).isoformat(timespec="milliseconds")

@@ -71,7 +71,7 @@ def run_study(
         stages: In its place, begins each step, which has a name, with a progress of its own.
 
     Returns:
-        The results, those of finished runs included.
+        The results, with the results of runs that were finished before.
 
     Raises:
         InputError: If the study, the folder or the scheduler cannot be used.

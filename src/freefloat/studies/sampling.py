@@ -205,7 +205,7 @@ class ValuesSection(Section):
         """The random values of a key in runs ``first`` to ``first + count``: numbers or lists.
 
         A value depends on seed, key and number of the run alone, not on other keys or runs. Of an
-        inertia, a list that is that of no rigid body is drawn again, up to a hundred times.
+        inertia, a list that is the inertia of no rigid body is drawn again, up to a hundred times.
 
         Returns:
             Shape (count,) or (count, k).

@@ -19,7 +19,7 @@ MARGIN, FEASIBILITY = "margin", "feasible"
 _PAIRS = 2048
 """Pairs of independent draws."""
 _QUANTILE = 1.959963984540054
-"""Of the standard normal distribution, for 95 % confidence."""
+"""Quantile of the standard normal distribution, for 95 % confidence."""
 
 
 @dataclass(frozen=True)
@@ -82,7 +82,7 @@ class _Mixtures(Variation):
 
 
 class _MixedStudy(Study):
-    """A study whose runs are those of the design."""
+    """A study whose runs are the runs of Saltelli's design."""
 
     @cached_property
     def variation(self) -> Variation:
@@ -93,11 +93,11 @@ class _MixedStudy(Study):
 def sensitivities(study: Study) -> list[Sensitivity]:
     """Sobol indices of the keys of a study, for the minimum margin and for feasibility.
 
-    They are those of 2,048 pairs of draws and their mixtures, integrated beside the runs of the
-    study. Those so near to margin or limits that a precise motion would decide count as they
-    are. Empty for studies that ensembles do not decide, that list values, or in which the arm
-    branches of thousands of robots would be looked for one by one; without those of feasibility
-    where limits need precise or recorded motions, and of what does not vary.
+    The indices are computed from 2,048 pairs of draws and their mixtures, integrated beside the
+    runs of the study. Motions so near to margin or limits that a precise motion would decide count
+    as they are. Empty for studies that ensembles do not decide, that list values, or in which the
+    arm branches of thousands of robots would be looked for one by one; without indices of
+    feasibility where limits need precise or recorded motions, and of what does not vary.
     """
     if study.variation.listed or group_numbers(study)[0] < 0:
         return []
@@ -135,7 +135,7 @@ def sobol_indices(f_A: Array, f_B: Array, f_AB: Array) -> list[tuple[Estimate, E
     """First-order and total index of each variable, as ``scipy.stats.sobol_indices``.
 
     Saltelli et al., "Variance based sensitivity analysis of model output", 2010, table 2 (b), (f).
-    Intervals are those of a ratio of two means by linearization; SciPy's bootstrap takes a time
+    Intervals come from linearizing a ratio of two means; SciPy's bootstrap takes a time
     that grows with the square of the number of samples.
 
     Args:

@@ -173,8 +173,8 @@ class Study:
     def document(self, number: int) -> dict[str, Any]:
         """The base scenario's data with the values of a run."""
         values = self.parameters(number).items()
-        own = {k: v for k, v in values if k not in START_KEYS and not k.startswith(TRACK)}
-        return with_values(self.base, own)
+        varied = {k: v for k, v in values if k not in START_KEYS and not k.startswith(TRACK)}
+        return with_values(self.base, varied)
 
     def inputs(self, number: int) -> dict[str, Any]:
         """What determines a run's motion: its document, with a margin's value, and its start."""
@@ -230,7 +230,7 @@ class Study:
 
     @property
     def default_start(self) -> StartSection | None:
-        """The arm branch without ``start``; None for that of the unvaried scenario's motion."""
+        """The arm branch without ``start``; None: the branch of the unvaried scenario's motion."""
         if self._centre or not any(key in self.content.vary for key in START_KEYS):
             return None
         joints = (self.base.get("search") or {}).get("joints")
@@ -238,7 +238,7 @@ class Study:
 
     @cached_property
     def arm_start(self) -> StartSection:
-        """The arm branch of the runs; that of the unvaried scenario's motion is found once.
+        """The arm branch of the runs; the branch of the unvaried scenario's motion is found once.
 
         Raises:
             InputError: If it has no motion.
@@ -273,7 +273,7 @@ class Study:
         """The unvaried problem, whose arm starts near the joints of :attr:`arm_start`.
 
         Raises:
-            InputError: If these are not those of its robot.
+            InputError: If these joints are not the joints of its robot.
         """
         with file_keys(search="start"):
             search = Search(joints=self.arm_start.joints)
@@ -286,12 +286,12 @@ class Study:
             attitudes: Initial attitudes, shape (K, 4).
 
         Returns:
-            Shape (K, n); those requested where no arm branch reaches the path.
+            Shape (K, n); the requested joints where no arm branch reaches the path.
         """
-        found = np.tile(np.asarray(self.start_problem.start_joints), (len(attitudes), 1))
+        joints = np.tile(np.asarray(self.start_problem.start_joints), (len(attitudes), 1))
         sets = self.start_problem.many_branches(attitudes)
-        found[np.nonzero(sets.exist)[0]] = sets.joints[sets.exist]
-        return found
+        joints[np.nonzero(sets.exist)[0]] = sets.joints[sets.exist]
+        return joints
 
     def tracking(self, number: int) -> dict[str, Any]:
         """The arguments of :func:`~freefloat.beyond.engines.tracking.track` in a run."""

@@ -110,23 +110,23 @@ class StudyFile(Section):
     vary: Annotated[dict[Name, ValuesSection], Field(min_length=1, max_length=100)]
     """Scenario keys by their dotted paths, such as momentum or timing.duration (entries of lists
     by their index from 0: momentum.2); with commands simulate and track also attitude and
-    heading_deg, with track also those of its section, such as track.noise."""
+    heading_deg, with track also the keys of its section, such as track.noise."""
     combine: Combine = Combine.CROSSED
     """Listed values of several keys: crossed (every combination) or zipped (the first of each,
     the second of each, and so on)."""
     cases: Count | None = None
-    """Number of random draws; where keys have listed values too, per combination of these."""
+    """Number of random draws; where keys have listed values too, per combination of listed ones."""
     seed: Seed = 0
     """Seed of all random values."""
     files: Annotated[str, Field(pattern=r"^(none|all|worst [1-9][0-9]{0,6})$")] = "worst 20"
     """Runs whose result files are kept, as the commands write them with -o: ``none``, ``all``, or
-    ``worst 20``, those with the smallest margins, and the undisturbed simulation; track has
+    ``worst 20``, runs with the smallest margins, and the undisturbed simulation; track has
     none."""
     attitude: Quaternion | None = None
     """Commands simulate and track: initial attitude of the spacecraft, quaternion x, y, z, w.
     Without it, track follows the plan of the scenario."""
     heading_deg: Number | None = None
-    """The same for planar tasks: initial heading [degrees]."""
+    """Commands simulate and track, planar tasks: initial heading of the spacecraft [degrees]."""
     start: StartSection | None = None
     """With attitude or heading_deg, the arm branch. Default: the one that simulate chooses for the
     unvaried scenario; where attitudes vary, but not about one attitude, the best of each run, with

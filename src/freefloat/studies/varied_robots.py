@@ -45,9 +45,9 @@ def vary_robots(keys: Iterable[str], listed: Mapping[str, Sequence[Any]]) -> boo
 
 def _field_of(key: str) -> tuple[str, str, int | None] | None:
     """Part, field and index of the entry, None for all, that a key names."""
-    if (found := _FIELD.fullmatch(key)) is None:
+    if (match := _FIELD.fullmatch(key)) is None:
         return None
-    part, field, entry = found.groups()
+    part, field, entry = match.groups()
     return part, field, None if entry is None else int(entry)
 
 
@@ -59,10 +59,10 @@ def uniform_factors(column: Column) -> Column:
 
 
 def nominal_values(parameters: Mapping[str, Any], base: Mapping[str, Any]) -> dict[str, Any]:
-    """Values of the varied keys for the robot of which those of the runs are variations.
+    """Values of the varied keys for the robot of which the robots of the runs are variations.
 
-    Factors are 1. A part has the values of the base scenario, one that it does not have those of
-    the parameters of a run.
+    Factors are 1. A part has the values of the base scenario; a part that this scenario lacks has
+    the values of the parameters of a run.
     """
     values: dict[str, Any] = {}
     for key, value in parameters.items():
@@ -133,10 +133,10 @@ class VariedRobot:
         """Values of the varied fields of parts, (K, ...), NaN where they are no such numbers."""
         fields: dict[str, Array] = {}
         for key, column in values.items():
-            found = _field_of(key)
-            if found is None:
+            parts = _field_of(key)
+            if parts is None:
                 continue
-            part, name, index = found
+            part, name, index = parts
             field = f"{part}.{name}"
             nominal = self._nominal(field)
             if name == INERTIA:
@@ -166,7 +166,7 @@ class VariedRobot:
         return inertial_row(np.broadcast_to(mass, count), np.broadcast_to(com, (count, 3)), inertia)
 
     def _mounts(self, fields: Mapping[str, Array], count: int) -> tuple[Pose, Array, Array] | None:
-        """The mount of the section, and positions and rotations of those of the runs."""
+        """The mount of the section, and positions and rotations of the mounts of the runs."""
         keys = [f"robot.spacecraft.mount.{name}" for name in ("xyz", "rpy")]
         craft = self.section.spacecraft
         if craft is None or not any(key in fields for key in keys):

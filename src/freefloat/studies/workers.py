@@ -94,7 +94,7 @@ def study_files(study: Study) -> Files:
     """Read the files that the scenarios of a study name by relative paths.
 
     Of robots also the files that they include, and their meshes. Results depend on them, and
-    workers on other machines need them. Bundled robots and those of example-robot-data are on
+    workers on other machines need them. Bundled robots and robots of example-robot-data are on
     every machine; absolute names must lead to a file there.
 
     Raises:
@@ -148,7 +148,7 @@ def _file_names(
 ) -> Iterator[tuple[str, str, dict[str, Any]]]:
     """Yield keys and names of files in a scenario's data, with the section that has each.
 
-    The data may be values of one of its keys, then the section is that of the unvaried scenario.
+    The data may be values of one of its keys, then the section is the unvaried scenario's.
     """
     if isinstance(node, dict):
         for inner, value in node.items():

@@ -88,8 +88,8 @@ class CheckReport:
     def comparing(self, stated: Any, known: Known) -> CheckReport:
         """The report with the comparison of a record with what is known of it."""
         checks, unverified, given = compare(stated, known)
-        every = (*self.checks, *checks)
-        return replace(self, checks=every, given=tuple(given), not_verified=tuple(unverified))
+        all_checks = (*self.checks, *checks)
+        return replace(self, checks=all_checks, given=tuple(given), not_verified=tuple(unverified))
 
     @property
     def passed(self) -> bool:
@@ -164,6 +164,6 @@ def check(result: Answer | MarginMap | Any, engine: str = PINOCCHIO) -> CheckRep
 def recomputed(
     result: Answer | MarginMap | Any, engine: str = PINOCCHIO
 ) -> tuple[CheckReport, Known]:
-    """A report without the comparison of stated numbers, and what is recomputed of these."""
+    """A report without the comparison of stated numbers, and what is recomputed of the numbers."""
     report: tuple[CheckReport, Known] = named(kind_of(result, saved=True).report)(result, engine)
     return report

@@ -30,14 +30,14 @@ _ON_PATH = 1e-7
 """Fraction of the reach, and angle [rad], by which a motion may leave its path, per revolution of
 the spacecraft."""
 _MOMENTUM = 1e-6
-"""Error of the momentum as a fraction of that of the arm."""
+"""Error of the momentum as a fraction of the momentum of the arm."""
 _MOMENTUM_ERROR = 1e-12
-"""Error of the momentum as a fraction of that of the system when it rotates by one radian in the
-duration: the arm's momentum is near zero where it hardly moves."""
+"""Error of the momentum as a fraction of the momentum of the system when it rotates by one radian
+in the duration: the arm's momentum is near zero where it hardly moves."""
 _ENDS = 1e-9
 """Fraction of the duration by which a motion may miss its ends."""
 _RATES = 1e-5
-"""Fraction of the largest joint rate by which rates may differ from those of equation (4)."""
+"""Fraction of the largest joint rate by which rates may differ from the rates of equation (4)."""
 _RESTING = 1e-8
 """Error of joint rates times the duration that is rounding [rad, m]."""
 _SECOND = 1e-6
@@ -47,7 +47,7 @@ _VANISHED = 1e-3
 _AT_MARGIN = 1e-6
 """Difference from the margin, as a fraction of it, of a motion that ends there."""
 _RANK_LOST = 1e-8
-"""The same of S* at the start of a motion that ends there, relative to its largest one."""
+"""Fraction of the largest singular value of S* that the smallest may have at a singular start."""
 _FAST = 0.99
 """Fraction of the speed at which redundant arms count as singular: it includes the pace of time."""
 
@@ -63,7 +63,7 @@ class Check:
         stated: Value in the record.
         recomputed: Value that was found.
         allowed: Largest or smallest value, or largest deviation from the stated one.
-        unit: Unit of these values.
+        unit: Unit of the values.
         time: Where on the motion [s].
         relation: Relation of the recomputed value to what is allowed: ≤, ≥, or ± about the stated
             value; = where a stated value is compared with the recomputed one.
@@ -84,8 +84,8 @@ class Check:
         """Whether the value that was found is beyond what is allowed; a file may state so."""
         if self.recomputed is None or self.allowed is None or self.relation not in "≤≥":
             return False
-        found, allowed = self.recomputed, self.allowed
-        return found > allowed if self.relation == "≤" else found < allowed
+        recomputed, allowed = self.recomputed, self.allowed
+        return recomputed > allowed if self.relation == "≤" else recomputed < allowed
 
     @property
     def reason(self) -> str:

@@ -47,7 +47,7 @@ def _headings(found: HeadingMap) -> Known:
 
 
 def _attitudes(found: AttitudeMap) -> Known:
-    """The same map again; how many points of a boundary were asked for is not known."""
+    """The map computed again; how many points of a boundary were asked for is not known."""
     points = Counter(point.branch for point in found.boundary or ())
     most = max(points.values(), default=int(found.boundary is not None))
     touching = 0 if found.touch is None else len(found.touch) or 1
@@ -67,9 +67,9 @@ def _attitudes(found: AttitudeMap) -> Known:
 
 
 def known_samples(found: AttitudeMap, again: AttitudeMap) -> Known:
-    """What is known of a map from the same map again.
+    """What is known of a map from the same map computed again.
 
-    Where the path was made faster since, the motions are those of its first timing.
+    Where the path was made faster since, the motions belong to its first timing.
     """
     names = "regions", "best", "robust", "nearest", "boundary", "touch", "results"
     values: dict[str, Any] = {name: getattr(again, name) for name in names}
@@ -91,9 +91,9 @@ def known_samples(found: AttitudeMap, again: AttitudeMap) -> Known:
 
 
 def _without_last_steps(results: BranchResults) -> BranchResults:
-    """The results with infinite numbers in place of those that the last steps decide.
+    """The results with infinite numbers in place of numbers that the last steps decide.
 
-    They are the rates and the evaluations of motions that end singular.
+    These numbers are the rates and the evaluations of motions that end singular.
     """
     motions = results.motions
     singular, spent = motions.endings == SINGULAR, motions.evaluations  # none of mirrored branches

@@ -34,7 +34,7 @@ _EXTREME = 1e-4
 _WINDOW = 1e-7
 """Half the width of the motion about an instant, in panels."""
 _SAME_JOINTS = 1e-9
-"""Distance of joints from those of their arm branch [rad or m]."""
+"""Distance of joints from the joints of their arm branch [rad or m]."""
 
 _TESTED = "ending", "times", "attitudes", "joints", "base_positions", "law"
 MOTION = Known(Motion, dict.fromkeys(_TESTED, Origin.TESTED))
@@ -45,10 +45,10 @@ def known_branch(simulated: SimulatedBranch) -> Known:
     """What is recomputed of the motion of an arm branch."""
     motion, time = simulated.motion, simulated.closest_approach.time
     measure = motion.setting.margin.measure
-    found = closest_approach(motion, measure)
-    if _is_same(_measured(motion, measure, time), found.value):
-        found = replace(found, time=time)  # it is as close at the stated time
-    values = {"branch": _known_start(simulated), "motion": MOTION, "closest_approach": found}
+    approach = closest_approach(motion, measure)
+    if _is_same(_measured(motion, measure, time), approach.value):
+        approach = replace(approach, time=time)  # it is as close at the stated time
+    values = {"branch": _known_start(simulated), "motion": MOTION, "closest_approach": approach}
     return Known(SimulatedBranch, values)
 
 
@@ -145,12 +145,12 @@ def _of_joint(limit: Limit[Any], name: str, motion: Motion) -> Limit[Any]:
     names = motion.model.joint_names
     if not isinstance(limit, JointLimit) or name not in names:
         return limit
-    others, alone = np.array(names) != name, copy(limit)
+    other_joints, alone = np.array(names) != name, copy(limit)
     if isinstance(limit, JointRangeLimit):
         ends = zip(limit.bound, (-np.inf, np.inf), strict=True)
-        alone.bound = tuple(np.where(others, far, end) for end, far in ends)
+        alone.bound = tuple(np.where(other_joints, far, end) for end, far in ends)
     else:
-        alone.bound = np.where(others[: len(limit.bound)], np.inf, limit.bound)
+        alone.bound = np.where(other_joints[: len(limit.bound)], np.inf, limit.bound)
     return alone
 
 

@@ -54,8 +54,8 @@ _DIRECTIONS = 96
 _PRECISE_COUNT = 3
 """Number of worst directions that are integrated precisely."""
 _EXACT, _APART, _CAUTIOUS = 1e-6, 1.5, 2.0
-"""Relative difference of radii that are the same, and ratios of those that different searches find,
-of larger stated ones and of smaller ones: of these adversarial searches alone decide."""
+"""Relative difference of radii that are the same, and ratios of radii that different searches
+find, of larger stated radii and of smaller ones: adversarial searches alone decide on these."""
 _INSIDE = 0.999
 """Tolerances are tested slightly inside their ends."""
 _NEARBY = np.geomspace(1e-4, 0.25, 40)
@@ -181,8 +181,8 @@ def _contradictions(
 def _is_feasible(evaluator: FeasibilityEvaluator, heading: float, branch: int) -> bool:
     """Whether the precise motion of an arm branch keeps the margin and the limits of attitude.
 
-    Of a redundant arm, whether that of any configuration does, of those tried at the heading or of
-    those near them at headings nearby.
+    Of a redundant arm, whether the motion of any configuration does, tried at the heading or near
+    configurations tried at headings nearby.
     """
     problem = evaluator.problem
     attitude = problem.plane.attitudes(heading)
@@ -272,9 +272,9 @@ def _tolerance_check(
 
 
 def _keeps_from_nearby(evaluator: FeasibilityEvaluator, attitude: Array) -> BoolArray:
-    """Which configurations near those tried at attitudes nearby keep the margin, shape (M,).
+    """Which configurations near the ones tried at attitudes nearby keep the margin, shape (M,).
 
-    For attitudes (4,) at which none of those tried there does.
+    For attitudes (4,) at which no configuration tried there does.
     """
     if evaluator.problem.has_headings:
         angles = np.concatenate([_NEARBY, -_NEARBY])

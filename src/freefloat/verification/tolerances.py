@@ -33,7 +33,7 @@ class _Rule(NamedTuple):
     Attributes:
         relative: Deviation as a fraction of the recomputed number: rounding.
         absolute: Deviation in its unit, but where all numbers of an array are below 1, as a
-            fraction of the largest: those of a small robot have as many true digits. A deviation
+            fraction of the largest: numbers of a small robot have as many true digits. A deviation
             between the two is no discrepancy, but not verified either.
         scaled: Whether absolute and slack are fractions of the largest number in every case.
         factor: Between such numbers that are as far apart as other machines may compute them: no
@@ -110,8 +110,8 @@ def compare(stated: Any, known: Known) -> tuple[list[Check], list[str], list[str
     """Compare a record with what is known of it.
 
     Returns:
-        Checks of the values that were recomputed, names of those that were not, or not to all
-        digits, and names of those that are part of the question.
+        Checks of the values that were recomputed, names of the values that were not, or not
+        to all digits, and names of the values that are part of the question.
     """
     checks, unverified, given = list[Check](), list[str](), list[str]()
     codec = named(kind_of(stated, saved=True).codec)
@@ -213,7 +213,7 @@ def _agreement(stated: Array, found: Array, rule: _Rule) -> tuple[BoolArray, Boo
 def differences(
     stated: Any, recomputed: Any, key: str = "", errors: bool = False
 ) -> Iterator[tuple[str, Any, Any]]:
-    """Numbers, truth values and lengths in which a document differs from that of its record.
+    """Numbers, truth values and lengths in which a document differs from its record's document.
 
     Texts are not compared, nor keys that only one of the two has.
 

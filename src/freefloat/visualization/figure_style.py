@@ -55,7 +55,7 @@ _SCREEN = 130.0
 _CROWDED, _LONGEST_LINE = 6, 8
 """Number of entries above which a legend's lines are set tighter, and the most in a line."""
 _LETTER, _BEYOND = 0.55, 1.25
-"""Width of a letter over the size of letters, and of a legend over that of its axes, at most."""
+"""Width of a letter over the size of letters, and of a legend over its axes' width, at most."""
 
 P = ParamSpec("P")
 R = TypeVar("R")

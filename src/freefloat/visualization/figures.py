@@ -69,14 +69,14 @@ def figures(
 ) -> Figures:
     """The figures of a result by name, drawn when they are asked for; a notebook shows them.
 
-    Motions, simulations and goals: ``snapshots`` and those of :func:`.motion_figures`;
+    Motions, simulations and goals: ``snapshots`` and the figures of :func:`.motion_figures`;
     where the spacecraft's turn or the pointing of axes is limited ``angles``. Maps:
     ``headings``, or ``map_slices`` and ``map_histogram``, and ``touch_points`` where these were
     asked for. Plans: ``workspace``, the figures of
     their motion and map, and in the plane ``headings`` (if a heading reaches the path) and
     ``joint_space`` (if S depends on two joint angles). Maps of the joint space:
     ``singularities``, or ``slices`` if det A depends on more than two joints. Manoeuvres:
-    ``manoeuvre`` over all phases, and those of the plan of their first path.
+    ``manoeuvre`` over all phases, and the figures of the plan of their first path.
 
     Args:
         result: Result to draw.
@@ -144,8 +144,8 @@ def _map_figures(
     progress: Progress | None,
 ) -> Drawings:
     def sliced() -> Figure:
-        found = map_slices(evaluator_for(result.problem, threads, limits), marks, progress)
-        return slices_figure(result, found)
+        slices = map_slices(evaluator_for(result.problem, threads, limits), marks, progress)
+        return slices_figure(result, slices)
 
     drawings: Drawings = {"map_slices": sliced}
     if result.results.exist.any():

@@ -39,7 +39,7 @@ _TITLE_LENGTH = 58
 """Characters that fit above a histogram."""
 _CURVE_POINTS = 401
 _STROKES = style.STROKES[:1] + style.STROKES[2:]
-"""Without that of the margin."""
+"""Strokes without the stroke of the margin."""
 _INSIDE, _AT_END = ("D", "touch point C"), ("s", "touch point E")
 """Marker and name, C inside the path (Case I), E at an end (Case II), as in Fig. 3."""
 

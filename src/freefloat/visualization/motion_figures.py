@@ -47,7 +47,7 @@ def motion_figures(motion: Motion, closest: ClosestApproach) -> style.Figures:
 
 
 def shown_times(motion: Motion) -> Array:
-    """Evenly spaced times and those of the integration nodes [s]."""
+    """Evenly spaced times and the times of the integration nodes [s]."""
     even = np.linspace(motion.times.min(), motion.times.max(), _CURVE_POINTS)
     return np.unique(np.concatenate([even, motion.times]))
 

@@ -51,7 +51,7 @@ def headings_figure(
 
     Args:
         result: Map over headings.
-        ranges: Feasible heading ranges; by default those of the map's samples.
+        ranges: Feasible heading ranges; by default the ranges of the map's samples.
         chosen: Branch and heading [rad] to mark.
     """
     curves = _curves(result, ranges)
@@ -174,7 +174,7 @@ def wrapped(degrees: Array) -> Array:
 
 
 def _draw_levels(axes: Any, problem: Problem, arm: PlanarArm) -> list[MarginCurve]:
-    """Draw singularity and margin curves, and return those of S = 0 and S = S0."""
+    """Draw singularity and margin curves, and return the curves S = 0 and S = S0."""
     margin = problem.margin
     levels: list[tuple[float, Any, float]] = [(0.0, "-", 1.2)]
     if margin.threshold > 0.0 and margin.measure.name == "system":  # the S of (21a)
@@ -207,7 +207,7 @@ def _name_curves(axes: Any, arm: PlanarArm, curves: Sequence[MarginCurve], other
 
 
 def _freest(places: Array, others: Array) -> Array:
-    """Of places (K, 2) that one farthest from others (M, 2), both may have NaN rows [deg]."""
+    """The place among (K, 2) that is farthest from others (M, 2); both may have NaN rows [deg]."""
     places, others = (rows[np.isfinite(rows).all(axis=1)] for rows in (places, others))
     inside = np.abs(places - _LOW - 180.0).max(axis=1) < 180.0 - _BORDER
     places = places[inside] if inside.any() else places
@@ -270,7 +270,7 @@ def _draw_motion(
 ) -> None:
     """Draw the motion curve from an open circle.
 
-    The markers of its ends are in the legend if ``named``, that of a singularity always.
+    The markers of its ends are in the legend if ``named``, the marker of a singularity always.
     """
     heading = np.degrees(motion.setting.plane.heading(motion.initial.attitude))
     rows = motion_curve(motion)

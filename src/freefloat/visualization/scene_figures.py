@@ -49,7 +49,7 @@ _FACE = "#D0D0D0"
 _FACES = [[0, 1, 3, 2], [4, 5, 7, 6], [0, 1, 5, 4], [2, 3, 7, 6], [0, 2, 6, 4], [1, 3, 7, 5]]
 """Corners of the faces of a box."""
 _LARGE = 0.25
-"""Least size of the shapes of the spacecraft that are drawn, over that of the largest box."""
+"""Least size of the shapes of the spacecraft that are drawn, over the size of the largest box."""
 _FLATTEST, _ZOOM, _TICKS = 0.4, (0.62, 0.8), 4
 """Least side of the box of a view over its largest one, the width and height of the box in its
 axes, and the number of ticks of the longest edge."""
@@ -58,7 +58,7 @@ _EDGES = np.array([
 ])  # fmt: skip
 """Ends of the edges with numbers over half of the box, where the eye is at positive x, y and z."""
 _SPHERE, _DECIMALS = 400, 9
-"""Points on a sphere, and decimals of those of outlines [m]."""
+"""Points on a sphere, and decimals of points of outlines [m]."""
 _JOGGLE = "QJ"  # of Qhull, for flat shapes
 _ARM: Any = {"linestyle": "-", "linewidth": 1.4, "marker": "o", "markersize": 2.4}
 _BODY: Any = {
@@ -99,11 +99,11 @@ def outlines(motion: Motion, times: npt.ArrayLike) -> list[Outline]:
     last, bodies = model.link_places[model.end_effector_link][0], len(model.bodies)
     arm = [*range(1, last + 1), -1]
     starts = [k for k, body in enumerate(model.bodies) if k > last and body.parent == 0]
-    others = [[*range(*ends), bodies + tip] for tip, ends in enumerate(pairwise([*starts, bodies]))]
+    chains = [[*range(*ends), bodies + tip] for tip, ends in enumerate(pairwise([*starts, bodies]))]
     return [
         Outline(
             points[0] + boxes @ R.T, np.vstack([points[0] + R @ mount, points[arm]]),
-            tuple(points[other] for other in others),
+            tuple(points[other] for other in chains),
         )
         for points, R in zip(positions, rotations[:, 0], strict=True)
     ]  # fmt: skip
@@ -239,7 +239,7 @@ def _body_points(body: SceneBody) -> tuple[Array, ...]:
 
 
 def _points(shape: Shape) -> Array:
-    """Points of a shape in its own frame whose convex hull is nearly that of the shape."""
+    """Points of a shape in its own frame whose convex hull is nearly the hull of the shape."""
     if isinstance(shape, Mesh):
         return shape.vertices
     if isinstance(shape, Box):

@@ -44,7 +44,7 @@ class Slice:
     Attributes:
         mark: The marked attitude in the plane; None for the centre of the ball.
         normal: Component that is constant on the plane: 0, 1, 2.
-        offset: Its value [rad].
+        offset: Value of that component [rad].
         ticks: Values of the other two components [rad], shape (P,).
         margins: Largest minimum margin of the feasible arm branches, zero where none is feasible,
             NaN more than one step outside the ball; one row per value of the vertical component,
@@ -92,7 +92,7 @@ def map_slices(
     """The three planes through each mark, normal to x, y and z, with the minimum margins on them.
 
     Args:
-        evaluator: For a spatial problem.
+        evaluator: Evaluator of a spatial problem.
         marks: Attitudes in the planes; without any, the planes pass through the ball's centre.
         progress: Called with the fraction done, in [0, 1].
         side: Attitudes along a diameter of the ball; fewer where arm branches have no closed form.

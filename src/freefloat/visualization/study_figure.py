@@ -200,11 +200,11 @@ def _draw_estimate(axes: Any, verdicts: Column) -> None:
     if not len(feasible):
         return
     counts = np.unique(np.geomspace(1, len(feasible), _ESTIMATES).astype(int))
-    found = np.cumsum(feasible)[counts - 1]
+    feasible_counts = np.cumsum(feasible)[counts - 1]
     low, high = np.transpose(
-        [confidence_interval(int(k), int(n)) for k, n in zip(found, counts, strict=True)]
+        [confidence_interval(int(k), int(n)) for k, n in zip(feasible_counts, counts, strict=True)]
     )
-    axes.plot(counts, found / counts, color=style.BLUE)
+    axes.plot(counts, feasible_counts / counts, color=style.BLUE)
     label = "95 % confidence interval"
     axes.fill_between(counts, low, high, color=style.BLUE, alpha=0.2, linewidth=0.0, label=label)
     axes.set_xscale("log")

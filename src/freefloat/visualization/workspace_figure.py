@@ -127,8 +127,8 @@ def _labelled_areas(workspace: Workspace) -> Iterator[tuple[str | None, Interval
 def _named_areas(workspace: Workspace) -> Iterator[tuple[str, Interval, str]]:
     """The exact path-dependent areas in pieces, each of curve I, of curve II or of both (Fig. 2b).
 
-    Of an elbow arm they are those of the in-plane factor: shoulder and wrist can be singular in
-    all.
+    Areas of an elbow arm are areas of the in-plane factor: shoulder and wrist can be singular in
+    all areas.
     """
     kinds = workspace.area_a, workspace.area_b
     edges = sorted({edge for areas in kinds for interval in areas for edge in interval})
@@ -156,7 +156,7 @@ def draw_areas(axes: Any, workspace: Workspace) -> None:
 def draw_path(axes: Any, paths: Sequence[Pose], plane: Plane, workspace: Workspace | None) -> None:
     """Draw planar paths and the path of the reference point (point 3 of the paper).
 
-    Paths are those of all end-effectors as K poses each, in the plane.
+    The paths of all end-effectors are K poses each, in the plane.
     """
     draw_lines(axes, paths, plane)
     if workspace is not None and workspace.offset.any():

@@ -139,8 +139,8 @@ class _Controller:
 def _pose_errors(problem: Problem, positions: Array, rotations: Rotation, t: float) -> Array:
     """Displacements and rotation vectors from poses to the path, inertial axes, shape (K, 6).
 
-    Components that the task leaves free are zero; the rotation of ``pointing`` is that of the z
-    axis.
+    Components that the task leaves free are zero; the rotation of ``pointing`` is the rotation of
+    the z axis.
     """
     target = problem.path.path.pose(problem.path.timing.s(t))
     rows = problem.task.rows
@@ -229,7 +229,7 @@ class Plants:
         reduce_dynamics(self._mass, self._bias, *self._rows, momenta, torques, self._prevented, out)
 
     def _momenta(self, attitudes: Array) -> Array:
-        """Angular momenta without those of wheels, spacecraft frame, shape (K, 3)."""
+        """Angular momenta without the momenta of wheels, spacecraft frame, shape (K, 3)."""
         if not self._system.rotates:
             return np.zeros((len(attitudes), 3))
         turned = Rotation.from_quat(np.roll(attitudes, -1, axis=1)).inv()

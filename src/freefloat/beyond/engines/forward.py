@@ -107,7 +107,7 @@ def base_velocity(system: System, state: State, rates: Array) -> Array:
         rates: Joint rates, shape (n,).
 
     Returns:
-        Linear in inertial axes, angular in those of the spacecraft, shape (6,).
+        Linear velocity in inertial axes, angular velocity in axes of the spacecraft, shape (6,).
     """
     twist = system.base_twist(state.attitude, state.joints, rates)
     return np.concatenate([rotation_matrix(state.attitude) @ twist[:3], twist[3:]])

@@ -36,7 +36,7 @@ def kinematic_urdf(model: FreeFloatingModel) -> str:
 def _order(robot: ET.Element, model: FreeFloatingModel) -> None:
     """Put the joints into the order of the moving joints to which they lead.
 
-    MuJoCo numbers joints depth first; so those of one arm follow those of another.
+    MuJoCo numbers joints depth first; so the joints of one arm follow the joints of another.
     """
     first: dict[str, int] = {}
     for number, joint in reversed([*enumerate(model.moving_joints)]):

@@ -33,7 +33,7 @@ _WINDOW = 5e-3
 _WINDOW_ANGLE = 0.1
 """Largest displacement in that time [rad, m]."""
 _WITHIN = 0.49
-"""The same time as a fraction of a smooth segment, at most."""
+"""Half the time of differentiation as a fraction of a smooth segment, at most."""
 _SHORTEST = 0.02
 """Fraction of that time that suffices for derivatives."""
 _WRENCH = 1e-4
@@ -121,7 +121,7 @@ def _instants(
 def _differentiated(motion: Motion, t: float, window: float) -> tuple[Array, Array, Array]:
     """Position, attitude and joints, and their first two derivatives: a fit of samples.
 
-    The position is that of the spacecraft in the frame of the path.
+    The position is the spacecraft's position in the frame of the path.
     """
     places = chebyshev.chebpts1(_SAMPLES_AROUND)
     states = motion.sample(t + window * places)

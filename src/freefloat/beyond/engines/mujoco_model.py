@@ -1,7 +1,7 @@
 """MuJoCo as a second engine: its URDF reader, kinematics and dynamics.
 
-Poses and axes of joints come from MuJoCo's own URDF reader. Inertias are those of the model's rigid
-bodies, because the reader refuses links of some robots: those that violate the triangle inequality,
+Poses and axes of joints come from MuJoCo's own URDF reader. Inertias come from the model's rigid
+bodies, because the reader refuses links of some robots: links that violate the triangle inequality,
 and tiny ones, even if they are fixed to large ones.
 MuJoCo's free joint has its linear velocity in inertial axes, its angular velocity in body axes, and
 its quaternion in the order w, x, y, z. On a table two slides and a hinge take its place.
@@ -185,7 +185,7 @@ class MuJoCoModel:
         """Set the dry friction of every joint [N m or N], which :meth:`step` considers."""
         bits = self._mujoco.mjtDisableBit
         self.model.dof_frictionloss[6:] = friction
-        if friction:  # MuJoCo's constraints of friction, but not those of contacts and ranges
+        if friction:  # MuJoCo's constraints of friction, but not of contacts and ranges
             self.model.opt.disableflags &= ~int(bits.mjDSBL_CONSTRAINT)
             self.model.opt.disableflags |= int(bits.mjDSBL_CONTACT) | int(bits.mjDSBL_LIMIT)
 

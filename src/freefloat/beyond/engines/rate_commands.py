@@ -40,13 +40,13 @@ class RateCommands:
         Args:
             attitudes: Unit quaternions x, y, z, w, shape (K, 4).
             joints: Joint values, shape (K, n).
-            twists: Of the end-effector, inertial frame, shape (K, 6).
+            twists: Twists of the end-effector, inertial frame, shape (K, 6).
             speed: Path speed ds/dt [1/s], which scales the attraction of a redundant arm.
         """
         rates = np.empty(joints.shape)
         # copies: other kernels would be compiled for arrays that are read-only or of another order
-        given = self._axes.attitudes(attitudes), joints, twists
-        attitudes, joints, twists = (np.array(rows, order="C") for rows in given)
+        inputs = self._axes.attitudes(attitudes), joints, twists
+        attitudes, joints, twists = (np.array(rows, order="C") for rows in inputs)
         measured = Measured(attitudes, joints, twists, self._momentum, speed)
         command(self._arrays, measured, self._workspace, rates)
         return rates

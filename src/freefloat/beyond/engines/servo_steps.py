@@ -70,8 +70,8 @@ class Friction(NamedTuple):
     """MuJoCo's law of dry friction: -inertia (q'' + decay q'), at most a limit.
 
     Attributes:
-        limits: Shape (K,).
-        inertias: Of every joint, shape (K, n).
+        limits: Limits of friction, shape (K,).
+        inertias: Inertias of every joint, shape (K, n).
         decay: Rate at which a joint comes to rest whose friction is below the limit [1/s].
     """
 
@@ -92,7 +92,7 @@ def reduce_dynamics(
         bias: Bias forces, shape (K, 6 + n).
         columns: Columns of the elements.
         starts: Index of the first element of every row, and of the end, shape (7 + n,).
-        momenta: Angular momenta without those of wheels, spacecraft frame, shape (K, 3).
+        momenta: Angular momenta without the momenta of wheels, spacecraft frame, shape (K, 3).
         wheels: Torques of wheels on the spacecraft, shape (K, 3).
         prevented: Which of the six motions of the spacecraft a table prevents.
         out: Receives the dynamics.
@@ -145,7 +145,7 @@ def advance(
         start: States at the start.
         servos: The servos.
         friction: Dry friction.
-        dynamics: At the start, in the middle and at the end.
+        dynamics: Dynamics at the start, in the middle and at the end.
         period: Time [s].
         steps: Number of steps, even.
         middle: Receives the states in the middle.
@@ -201,8 +201,8 @@ def move_with_friction(
         b: Right side.
         v: Joint rates at the start of the step.
         limit: Limit of friction.
-        inertias: Of :class:`Friction`.
-        decay: Of :class:`Friction`.
+        inertias: Inertias of :class:`Friction`.
+        decay: Decay of :class:`Friction`.
         h: Length of the step.
         modes: Signs of joint rates whose friction is at the limit, 0 for others; a guess.
         u: Receives the joint rates.

@@ -190,7 +190,7 @@ def track_many(
     Args:
         result: Plan or simulation, whose chosen motion completes.
         mass_error: As of :func:`track`, like the other arguments.
-        noise: Of measurements.
+        noise: Noise of measurements.
         friction: Friction of the joints.
         seed: Seed of the random numbers.
         gain: Gain of the controller.

@@ -13,7 +13,7 @@ def attitude_ephemeris_text(trajectory: Trajectory) -> str:
 
     Frame A are the inertial axes, under the name of the header; frame B are the axes of the
     spacecraft. The quaternion of the transformation from A to B has its scalar part last, as ours,
-    and describes the rotation that takes the axes of A to those of B: it is our attitude.
+    and describes the rotation that takes the axes of A to the axes of B: it is our attitude.
 
     Raises:
         InputError: If the name of the robot is not in ASCII and no other one is given, or a date is

@@ -46,8 +46,8 @@ Array = npt.NDArray[np.float64]
 def read(file: str, root: str | None = None) -> UrdfText:
     """A URDF with the bodies, inertias, joints, sites and simple shapes of one robot of a model.
 
-    Frames of links are those of their joints. Named sites become links without mass. The free joint
-    of the root, meshes, and all other bodies in the world are left out.
+    Frames of links are the frames of their joints. Named sites become links without mass. The free
+    joint of the root, meshes, and all other bodies in the world are left out.
 
     Args:
         file: The file.
@@ -101,9 +101,9 @@ def _files(model: Path) -> set[Path]:
                         names.add(value)
             folders.add(document.parent)
         paths = (Path(os.path.abspath(folder / name)) for folder in folders for name in names)
-        found = {path for path in paths if is_file(path)} - files
-        waiting += [path for path in found if path.suffix == ".xml"]
-        files |= found
+        new_files = {path for path in paths if is_file(path)} - files
+        waiting += [path for path in new_files if path.suffix == ".xml"]
+        files |= new_files
     return files
 
 
@@ -118,9 +118,9 @@ def _warnings(model: Any, start: int, *, named: bool) -> Iterator[tuple[str, str
     if moves_in_plane(model, start) and not is_on_table(model, start):
         problem = f"the root {body_name(model, start)} moves in a plane; it is taken as free"
         yield problem, "nothing: the robot stays in that plane, where a free base moves alike"
-    others = body_names(model, set(bodies_in_world(model)).difference(line(model, start)))
-    if others and not named:
-        left_out = one_line(", ".join(others))
+    other_bodies = body_names(model, set(bodies_in_world(model)).difference(line(model, start)))
+    if other_bodies and not named:
+        left_out = one_line(", ".join(other_bodies))
         problem = f"its root is {body_name(model, start)}; left out of the world: {left_out}"
         yield problem, "--root BODY (robot.root in a scenario) for another root"
     if model.neq:

@@ -114,9 +114,9 @@ def robot_mjcf(model: FreeFloatingModel, *, shapes: bool = True) -> ET.Element:
 
 def _why_refused(model: FreeFloatingModel) -> str | None:
     """Why MuJoCo refuses a robot: a name of its own, or an inertia; None where it does not."""
-    own = {"world", model.bodies[0].joint}
+    reserved = {"world", model.bodies[0].joint}
     for name in (*model.body_names, *model.joint_names):
-        if name in own:
+        if name in reserved:
             return f"{name} is a name of the simulation itself"
     for name, body in zip(model.body_names, model.bodies, strict=True):
         moments = np.linalg.eigvalsh(body.inertia)
@@ -138,7 +138,7 @@ def _add_base(element: ET.Element, model: FreeFloatingModel) -> None:
 
 
 def _body(parent: ET.Element, name: str, body: Body) -> ET.Element:
-    """A body with its joint, but that of the base, and its inertia."""
+    """A body with its inertia, and with its joint unless it is the base."""
     element = _add(parent, "body", name=name, **_place(body.placement))
     if parent.tag == "body":
         kind = "slide" if body.prismatic else "hinge"

@@ -1,7 +1,7 @@
 """What a model of MuJoCo says and the URDF made of it does not.
 
-Values are those of the compiled model, in which defaults are resolved: what differs from a model
-that states nothing is listed. Lines are those of the file, where an element has a name.
+Values come from the compiled model, in which defaults are resolved: what differs from a model
+that states nothing is listed. Lines come from the file, where an element has a name.
 """
 
 from __future__ import annotations
@@ -80,7 +80,7 @@ _SECTIONS = (
 )  # fmt: skip
 """Elements of a model; others are listed."""
 _GROUPS = ("actuator", "tendon", "equality", "sensor")
-"""Elements that name the kind of those in them."""
+"""Elements that name the kind of the elements in them."""
 
 
 def not_read(model: Any, bodies: Collection[int], documents: Iterable[Path]) -> Iterator[NotRead]:
@@ -89,15 +89,15 @@ def not_read(model: Any, bodies: Collection[int], documents: Iterable[Path]) -> 
     Args:
         model: The compiled model.
         bodies: Numbers of the bodies in the URDF.
-        documents: The file, then those that it includes.
+        documents: The file, then the files that it includes.
     """
-    main, *others = map(_parsed, documents)
+    main, *included = map(_parsed, documents)
     lines = {} if main is None else _lines(main)
     seen = set[tuple[str, str]]()
     for entry in (
         *_of_model(model, bodies, lines),
         *(() if main is None else _of_file(main)),
-        *(replace(entry, line=None) for root in others if root is not None
+        *(replace(entry, line=None) for root in included if root is not None
           for entry in _of_file(root)),
     ):  # fmt: skip
         if (entry.element, entry.attribute) not in seen:
@@ -167,12 +167,12 @@ def _of_joint(model: Any, plain: Any, joint: int, lines: Lines, *, base: bool) -
 def _properties(
     model: Any, plain: Any, place: tuple[str, int, int], element: str, line: int | None
 ) -> Iterator[NotRead]:
-    """Properties of an object that differ from those of a plain one and are not used.
+    """Properties of an object that differ from the properties of a plain one and are not used.
 
     Args:
         model: The model.
         plain: The plain model.
-        place: Prefix of the arrays, the object's number in the model, and that of the plain one.
+        place: Prefix of the arrays, the object's number in the model, and the plain one's number.
         element: The element in what is listed.
         line: Its line.
     """
@@ -245,13 +245,13 @@ def _parsed(path: Path) -> Any:
 
 
 def _lines(root: Any) -> Lines:
-    """Lines of the named elements of a file, without those of defaults."""
-    found: dict[tuple[str, str], int] = {}
+    """Lines of the named elements of a file, without elements of defaults."""
+    lines: dict[tuple[str, str], int] = {}
     for element in root.iter("*"):
         name, parent = element.get("name"), element.getparent()
         if name is None or parent is None or parent.tag == "default":
             continue
         kind = {"freejoint": "joint"}.get(element.tag, element.tag)
         kind = parent.tag if parent.tag in _GROUPS else kind
-        found.setdefault((kind, name), element.sourceline)
-    return found
+        lines.setdefault((kind, name), element.sourceline)
+    return lines

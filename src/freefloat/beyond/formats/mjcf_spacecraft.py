@@ -30,7 +30,7 @@ _TIES = (0, 1)
 _COUPLING = 2
 """Type of equality constraints of joints."""
 _LENGTH = 3
-"""The same of tendons."""
+"""Type of equality constraints of tendons."""
 _HOLDS = "stiffness", "damping", "frictionloss", "armature", "limited"
 """Properties of tendons that act without a drive."""
 _SITE, _WRAPPED_SITE = 6, 3
@@ -100,7 +100,7 @@ def _chosen(model: Any, root: str | None, source: str) -> int:
 
 
 def _carried(model: Any, body: int) -> int:
-    """A body, or the first one with mass of those that it carries, one on the other."""
+    """A body, or the first one with mass of the bodies that it carries, one on the other."""
     while model.body_mass[body] <= NEGLIGIBLE * model.body_subtreemass[body]:
         children = np.flatnonzero(model.body_parentid == body)
         if len(children) != 1:
@@ -117,8 +117,8 @@ def base_joints(model: Any, root: int) -> list[int]:
 def _is_base(model: Any, root: int) -> bool:
     """Whether joints that move a root leave it free, or on a table, with nothing else to move."""
     alone = float(model.body_subtreemass[root])
-    others = float(model.body_subtreemass[line(model, root)[-1]]) - alone
-    if others > NEGLIGIBLE * alone or not _are_wide(model, base_joints(model, root)):
+    other_mass = float(model.body_subtreemass[line(model, root)[-1]]) - alone
+    if other_mass > NEGLIGIBLE * alone or not _are_wide(model, base_joints(model, root)):
         return False
     return _is_free(model, root) or is_on_table(model, root) or moves_in_plane(model, root)
 
@@ -280,7 +280,7 @@ def _held_tendons(model: Any) -> Array:
 
 def _joins(model: Any, bodies: Sequence[int], robot: Collection[int]) -> bool:
     """Whether bodies are of a robot and of what is fixed, or is moved from outside."""
-    others = [body for body in bodies if body not in robot]
-    return len(others) < len(bodies) and any(
-        model.body_weldid[body] == WORLD or model.body_mocapid[body] >= 0 for body in others
+    other_bodies = [body for body in bodies if body not in robot]
+    return len(other_bodies) < len(bodies) and any(
+        model.body_weldid[body] == WORLD or model.body_mocapid[body] >= 0 for body in other_bodies
     )

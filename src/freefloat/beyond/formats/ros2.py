@@ -69,7 +69,7 @@ def ros2_goal_text(trajectory: Trajectory) -> str:
     message = _joint_trajectory(trajectory, "ros2-goal")
 
     def tolerances(position: float) -> list[dict[str, Any]]:
-        rest = {"velocity": 0.0, "acceleration": 0.0}  # those of the controller
+        rest = {"velocity": 0.0, "acceleration": 0.0}  # the controller's own
         return [{"name": name, "position": position, **rest} for name in message["joint_names"]]
 
     return _yaml({
@@ -156,7 +156,7 @@ def write_mcap(path: Path, trajectory: Trajectory) -> None:
 
 
 def _definition(text: str, parts: tuple[str, ...]) -> str:
-    """The definition of a message, followed by those of its parts."""
+    """The definition of a message, followed by the definitions of its parts."""
     described = [f"\n{'=' * 80}\nMSG: {part}\n{_PARTS[part]}" for part in parts]
     return "".join([text, *described])
 

@@ -89,7 +89,7 @@ def read(
     """The URDF that a xacro file makes.
 
     Files that it includes are relative to the file that includes them. ``$(find NAME)`` finds
-    packages by name, else among the folders above the file and those of ROS.
+    packages by name, else among the folders above the file and the folders of ROS.
 
     Args:
         file: The file.

@@ -40,7 +40,7 @@ _REDUNDANT = {
     "positive": "free of singularities, det(S* S*ᵀ) > 0",
     "undecided": "undecided boxes, where it may vanish",
 }
-"""The same of redundant arms: the determinant is never negative, so that no sign proves a zero."""
+"""Kinds for redundant arms: the determinant is never negative, so that no sign proves a zero."""
 _Resolution = Annotated[float | None, option(
     "DEG", "Width down to which boxes are cut; default 0.1 where det A depends on two joints, "
     "1 for three, 5 for four, 15 for more.",

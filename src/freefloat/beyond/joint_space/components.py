@@ -55,7 +55,7 @@ class SingularityComponents:
     Attributes:
         singularity_map: The map.
         labels: Number of the component of each node of the map, -1 for none, shape (N,).
-        components: Those with at least a thousandth of the joint space, the largest first.
+        components: Components with at least a thousandth of the joint space, the largest first.
     """
 
     singularity_map: SingularityMap = field(repr=False)

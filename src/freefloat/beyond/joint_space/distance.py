@@ -52,7 +52,7 @@ class SingularityDistance:
         direction: Unit vector w of the task's rows, in spacecraft axes, shape (m,), of the task
             ``pointing`` and in planes other than x-y (6,): no joint rates give the end-effector
             twist v a component along it there, w·v = 0 at zero momentum.
-        inertial_direction: The same in inertial axes.
+        inertial_direction: The unit vector w in inertial axes.
     """
 
     lower_bound: float
@@ -202,7 +202,7 @@ class _ZeroSearch:
     def _polish(self, start: Array) -> None:
         """Use the zero nearest to the joint values that a local search finds, or its start."""
         scale = float(self._S.derivative_bounds[0])
-        found = scipy.optimize.minimize(
+        minimum = scipy.optimize.minimize(
             lambda x: float(((x - self._q) ** 2).sum()), start, jac=lambda x: 2.0 * (x - self._q),
             method="SLSQP", bounds=list(zip(self._lower, self._upper, strict=True)),
             constraints={
@@ -212,7 +212,7 @@ class _ZeroSearch:
             },
             options={"ftol": 1e-12, "maxiter": 50},
         )  # fmt: skip
-        for point in (start, found.x):
+        for point in (start, minimum.x):
             distance = float(np.linalg.norm(point - self._q))
             zero = abs(float(self._S.values(point[None])[0])) <= 1e-10 * scale
             if zero and distance < self.distance:

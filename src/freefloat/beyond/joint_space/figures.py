@@ -47,7 +47,7 @@ class JointSection:
     Attributes:
         found: Map of the joint space.
         joints: Indices of the joints that vary.
-        at: Values of all joints [rad or m], of which those of other joints count, shape (n,).
+        at: Values of all joints [rad or m], of which the values of other joints count, shape (n,).
     """
 
     found: SingularityMap
@@ -69,7 +69,7 @@ class JointSection:
 
     @property
     def upper(self) -> Array:
-        """Upper ends of these ranges."""
+        """Upper ends of the ranges of the joints that vary [rad or m]."""
         return np.array([self.found.polynomial.bases[joint].upper for joint in self.joints])
 
     def ticks(self, fractions: Array) -> tuple[Array, ...]:
@@ -98,8 +98,8 @@ class JointSection:
         found, names = self.found, self.found.model.joint_names
         fixed = {names.index(name): value for name, value in found.fixed.items()}
         values = {joint: float(self.at[joint]) for joint in found.joints} | fixed
-        others = sorted(set(values) - set(self.joints))
-        return ", ".join(joint_value(found, joint, values[joint]) for joint in others)
+        constant_joints = sorted(set(values) - set(self.joints))
+        return ", ".join(joint_value(found, joint, values[joint]) for joint in constant_joints)
 
 
 def section(
@@ -153,7 +153,7 @@ def reference_configuration(found: SingularityMap) -> Array:
     """A configuration far from singularities, revolute joints at multiples of 5 degrees.
 
     It has the largest magnitude of det A of 4096 samples; joints on which det A does not depend are
-    at zero, or in the middle of a prismatic joint's range, those of fixed values have these.
+    at zero, or in the middle of a prismatic joint's range, joints of fixed values have these.
     """
     bases = found.polynomial.bases
     lower, upper = (np.array([getattr(b, end) for b in bases]) for end in ("lower", "upper"))
@@ -178,7 +178,7 @@ def singularity_figures(found: SingularityMap, at: npt.ArrayLike | None = None) 
     """The figures of a map of the joint space by name.
 
     ``singularities`` if det A depends on two joints; else ``slices`` over pairs of the four most
-    influential joints. Colours are those of the certified boxes, lines where det A vanishes.
+    influential joints. Colours show the certified boxes, lines where det A vanishes.
 
     Args:
         found: Map of the joint space.

@@ -63,8 +63,8 @@ def singularity_scene(
         title: Title of the page.
         joints: Names of two or three joints; by default those with the largest influence on det A,
             three if it depends on as many.
-        at: Values of all joints [rad or m], shape (n,), of which those of the other joints count;
-            by default a configuration far from singularities.
+        at: Values of all joints [rad or m], shape (n,), of which the values of the other joints
+            count; by default a configuration far from singularities.
 
     Raises:
         InputError: If there are no such joints, or ``at`` is not a finite value for each joint.
@@ -98,7 +98,7 @@ def _indices(found: SingularityMap, joints: Sequence[str] | None) -> list[int]:
 def surface(part: JointSection) -> tuple[Array, IntArray]:
     """The surface det A = 0 of a section over three joints.
 
-    The front of its faces, whose corners run anticlockwise, is that of det A > 0.
+    The front of its faces, whose corners run anticlockwise, is the side of det A > 0.
 
     Returns:
         Vertices [rad or m], shape (V, 3), and faces (F, 3).

@@ -6,7 +6,7 @@ a box that has points of either sign contains a singular configuration; the othe
 
 The tree of boxes is kept as one number per node, in breadth-first order: the index of the joint
 across which a box is cut, or its :class:`Kind`. The k-th box that is cut has its halves at 2k + 1
-and 2k + 2, the one of lower joint values first.
+and 2k + 2, the half of lower joint values first.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ _MOST_JOINTS = 5
 _BOXES, _MOST_BOXES = 2**15, 50_000_000
 """Boxes that are processed together, and the largest number of all, which takes minutes."""
 _SAMPLE = 2**13
-"""Number of boxes of a coarse map from which that of a finer one is estimated."""
+"""Number of boxes of a coarse map from which the number of a finer one is estimated."""
 _NODES = "joint of a cut, or 252 positive, 253 negative, 254 singular, 255 undecided"
 """Unit of nodes in files."""
 
@@ -61,12 +61,12 @@ class Kind(IntEnum):
 class SingularityMap:
     """The joint space in boxes that are free of singularities, contain one, or are undecided.
 
-    Joints on which det A does not depend, and those of fixed values, are never cut.
+    Joints on which det A does not depend, and joints of fixed values, are never cut.
 
     Attributes:
         model: Robot.
         task: Task.
-        polynomial: Det A by the joints, with those of fixed values inserted.
+        polynomial: Det A by the joints, with the values of fixed joints inserted.
         fixed: Values of the joints that are fixed [rad or m], by name.
         resolution: Boxes that are not free of singularities are at most this wide across the joint
             that changes det A most [rad]; a prismatic joint's range counts as a revolution.
@@ -134,14 +134,14 @@ class SingularityMap:
         u = (configurations(joints, len(bases)) - lower) / (upper - lower)
         prismatic = np.array([basis.prismatic for basis in bases])
         u = np.where(prismatic, np.clip(u, 0.0, np.nextafter(1.0, 0.0)), u % 1.0)
-        found, todo = np.zeros(len(u), dtype=int), np.arange(len(u))
-        while len(todo := todo[self.nodes[found[todo]] < Kind.POSITIVE]):
-            joint = self.nodes[found[todo]]
+        nodes, todo = np.zeros(len(u), dtype=int), np.arange(len(u))
+        while len(todo := todo[self.nodes[nodes[todo]] < Kind.POSITIVE]):
+            joint = self.nodes[nodes[todo]]
             u[todo, joint] *= 2.0
             upper_half = u[todo, joint] >= 1.0
             u[todo, joint] -= upper_half
-            found[todo] = self._children[found[todo]] + upper_half
-        return found
+            nodes[todo] = self._children[nodes[todo]] + upper_half
+        return nodes
 
     def kinds(self, joints: npt.ArrayLike) -> npt.NDArray[np.uint8]:
         """What is known of joint values (K, n), see :class:`Kind`; shape (K,)."""

@@ -31,7 +31,7 @@ _MOST_NODES = 500_000
 def singularity_map_report(found: SingularityMap, engine: str) -> tuple[CheckReport, Known]:
     """All checks of a map of the joint space, and what is recomputed.
 
-    The boxes are those of the same subdivision again, where it is no larger than half a million.
+    The boxes come from the same subdivision again, where it has no more than half a million.
 
     Args:
         found: The map.

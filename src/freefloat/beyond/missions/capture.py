@@ -83,15 +83,15 @@ class Capture:
 
     Attributes:
         model: The robot with the client as payload.
-        mismatch: End-effector twist minus that of the grapple before contact [m/s; rad/s], (6,).
+        mismatch: End-effector twist minus the grapple's twist before contact [m/s; rad/s], (6,).
         impulse: Impulse on the end-effector, at the origin of its frame, with joints that move
             freely [N s; N m s], shape (6,); zero where the velocities match.
         joint_rates: Just after contact, joints moving freely [rad/s or m/s], shape (n,).
         base_rate: The spacecraft's angular velocity then, inertial axes [rad/s], shape (3,).
-        momentum: Angular momentum about the common centre of mass, with that of wheels [N m s],
+        momentum: Angular momentum about the common centre of mass, wheels included [N m s],
             shape (3,).
         velocity: Velocity of the common centre of mass [m/s], shape (3,).
-        centre_of_mass: The common one, from that of the robot before [m], shape (3,).
+        centre_of_mass: Common centre of mass, from the robot's own before [m], shape (3,).
         locked_rate: Angular velocity of the whole system once its joints are locked [rad/s], (3,).
         smallest_rate: No rotation of the locked system with this momentum is slower [rad/s].
         largest_rate: None is faster [rad/s]. Without wheels the rotations about the axes of largest

@@ -49,9 +49,9 @@ class CapturePhase(Phase):
         body: Name of the body.
         mass: Mass of the body [kg].
         inertia: Inertia about its centre of mass, axes of its frame [kg m²], in the forms of
-            :class:`~freefloat.robot.parts.Spacecraft`; by default that of its tumbling.
-        com: Centre of mass in its frame [m], shape (3,); by default that of its tumbling, or zero.
-        name: Name of the phase; by default ``"capture"``, with a number where another has that.
+            :class:`~freefloat.robot.parts.Spacecraft`; by default the inertia of its tumbling.
+        com: Centre of mass in its frame [m], shape (3,); by default the tumbling's, or zero.
+        name: Name of the phase; by default ``"capture"``, with a number where another has it.
 
     Example:
         >>> ff.CapturePhase("client", mass=150.0, inertia=[28.0, 25.0, 30.0]).mass
@@ -113,7 +113,7 @@ class CapturePhase(Phase):
                 raise InputError("body", f"{reason}, in a planar task", accepted)
 
     def _require_consistent(self, tumbling: Tumbling) -> None:
-        """Raise an InputError unless inertia and centre of mass are those of the body's rotation.
+        """Raise an InputError unless inertia and centre of mass fit the body's rotation.
 
         Else capture would change the momentum of a body that nothing touches.
         """
@@ -149,7 +149,7 @@ class CapturePhase(Phase):
         return self.end(state, self.run(state, Limits())).problem
 
     def run(self, state: SystemState, limits: Limits) -> PlannedCapture:
-        """The capture; its limits are those of the phases before and after it."""
+        """The capture; its limits are the limits of the phases before and after it."""
         problem, now = state.problem, (state.attitude, state.joints)
         taken = {*problem.model.description.links_by_name, *problem.scene.names}
         names = chain([_PAYLOAD], (f"{_PAYLOAD}_{number}" for number in count(2)))
@@ -166,8 +166,8 @@ class CapturePhase(Phase):
     def to_dict(self) -> dict[str, Any]:
         """See :class:`~freefloat.beyond.missions.manoeuvre.Phase`."""
         values = {"inertia": self.inertia, "com": self.com}
-        given = {key: value.tolist() for key, value in values.items() if value is not None}
-        return {"capture": {"body": self.body, "mass": float(self.mass), **given}}
+        properties = {key: value.tolist() for key, value in values.items() if value is not None}
+        return {"capture": {"body": self.body, "mass": float(self.mass), **properties}}
 
     def end(self, state: SystemState, result: Any) -> SystemState:
         """The state just after the capture: the body is held."""
@@ -180,12 +180,12 @@ class CapturePhase(Phase):
             motion="target", payload=payload,
             touch_links=(*body.touch_links, problem.model.end_effector_link),
         )  # fmt: skip
-        others = (b for b in problem.scene.bodies if b.name != self.body)
+        other_bodies = (b for b in problem.scene.bodies if b.name != self.body)
         corridor = problem.scene.corridor
         if corridor is not None and corridor.body == self.body:
             corridor = None  # the end-effector does not move in it any more
         following = replace(
-            problem.with_system(result.system), scene=Scene((*others, held), corridor)
+            problem.with_system(result.system), scene=Scene((*other_bodies, held), corridor)
         )
         return replace(
             state, problem=following, joint_rates=result.joint_rates,

@@ -131,10 +131,10 @@ def _following(
 ) -> Iterator[PhaseResult]:
     """The phases after the first path, each from the state at which the one before ends."""
     for tree, phase in zip(trees, scenario.phases(), strict=False):
-        own, setting = state.limits(limits), phase.setting_at(state)
+        phase_limits, setting = state.limits(limits), phase.setting_at(state)
         if tree["result"]["class"] == GoalMotion.__name__:
-            setting = setting.replace(limits=own.without_turn)
-        planned = _decoded(tree, setting, own)
+            setting = setting.replace(limits=phase_limits.without_turn)
+        planned = _decoded(tree, setting, phase_limits)
         if isinstance(phase, GoalPhase):
             goal = cast(GoalMotion, planned.result).goal
             _require_same_goal(phase.name, phase.goal.seen_from(state.centre), goal)

@@ -52,14 +52,14 @@ def plan_manoeuvre(
 
     Args:
         problem: Problem of the first path. Its frame, whose origin is the centre of mass where the
-            path begins, and its time are those of the manoeuvre; the reorientation has negative
-            times.
+            path begins, and its time are the frame and the time of the manoeuvre; the
+            reorientation has negative times.
         phases: What follows.
         search: What to choose; with ``reorient`` it has the present attitude and joints.
-        limits: Limits to keep in all phases, by default those of the problem; ``base_turn`` on
+        limits: Limits to keep in all phases, by default the problem's limits; ``base_turn`` on
             paths only. Where none of them depends on the speed, the reorientation takes as long as
             the path.
-        reorient: Whether the present state is another one than that of the path.
+        reorient: Whether the present state is another one than the state of the path.
         threads: As for :func:`~freefloat.planning.planner.plan`.
         progress: Called with the fraction done, in [0, 1].
 
@@ -128,12 +128,12 @@ def _to_start(
     end = GoalStart(state.attitude, state.joints, state.joint_rates)
     duration = None if limits.timed else problem.path.duration
     setting = state.setting.replace(limits=limits.without_turn)
-    found = arrive(
+    motion = arrive(
         setting, (present, joints), end, duration=duration,
         first_duration=problem.path.duration, seed=search.seed, progress=progress,
     )  # fmt: skip
-    begin = -(found.duration or 0.0)
-    return [PhaseResult(REORIENTATION, found.kind, found, begin, begin * problem.drift)]
+    begin = -(motion.duration or 0.0)
+    return [PhaseResult(REORIENTATION, motion.kind, motion, begin, begin * problem.drift)]
 
 
 def _following(

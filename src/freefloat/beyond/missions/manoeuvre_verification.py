@@ -94,7 +94,7 @@ def _integrated_again(law: JointLaw, attitude: Array, times: Array) -> Array:
         x, w = q[:3], q[3]
         return np.append(w * omega + np.cross(x, omega), -x @ omega) / 2.0  # (8c)
 
-    found = scipy.integrate.solve_ivp(
+    quaternions = scipy.integrate.solve_ivp(
         rates,
         times[[0, -1]],
         attitude,
@@ -104,7 +104,7 @@ def _integrated_again(law: JointLaw, attitude: Array, times: Array) -> Array:
         atol=_PRECISE,
         max_step=law.duration / spline.spans / 8.0,  # else the values between steps err by 2e-9
     ).y.T
-    return np.asarray(found / np.linalg.norm(found, axis=1, keepdims=True))
+    return np.asarray(quaternions / np.linalg.norm(quaternions, axis=1, keepdims=True))
 
 
 def _same_motion(again: Motion, motion: Motion) -> Check:
@@ -193,13 +193,13 @@ def _phase_report(
     stated: PhaseResult, again: PhaseResult, engine: str
 ) -> tuple[CheckReport, Known | Capture]:
     """The checks of a phase by itself, and what is known of its result."""
-    found = again.result
+    recomputed = again.result
     if isinstance(stated.result, GoalMotion):
         return goal_report(stated.result, engine)
-    if isinstance(stated.result, Plan) and isinstance(found, Plan):
-        phase = None if stated.result is found else found
+    if isinstance(stated.result, Plan) and isinstance(recomputed, Plan):
+        phase = None if stated.result is recomputed else recomputed
         return plan_report(stated.result, engine, phase=phase)
-    return CheckReport(again.kind, ()), cast(Capture, found)
+    return CheckReport(again.kind, ()), cast(Capture, recomputed)
 
 
 def _handover_checks(manoeuvre: Manoeuvre) -> Iterator[Check]:
@@ -223,7 +223,7 @@ def _handover_checks(manoeuvre: Manoeuvre) -> Iterator[Check]:
 class _JoinState:
     """Where a phase begins or ends, the base position in the frame of the manoeuvre.
 
-    Joints are those of the arm that follows the path.
+    Joints are the joints of the arm that follows the path.
     """
 
     attitude: Array
@@ -257,7 +257,7 @@ def _joint_checks(
 
 
 def _capture_checks(phase: PhaseResult, result: Capture, state: _JoinState) -> Iterator[Check]:
-    """The momentum is that of the new robot at its rates."""
+    """The momentum is the momentum of the new robot at its rates."""
     A = conserved(result.model, momentum_map(result.model, state.joints, state.attitude))
     omega = rotation_matrix(state.attitude).T @ result.base_rate
     rates = np.concatenate([omega, result.joint_rates])

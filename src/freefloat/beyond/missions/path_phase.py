@@ -1,7 +1,6 @@
 """Phases in which the end-effector follows a further path, without a search.
 
-The path is stated in the frame of the manoeuvre or that of a body; it begins where the end-effector
-is.
+The path is stated in the frame of the manoeuvre or of a body; it begins where the end-effector is.
 """
 
 from __future__ import annotations
@@ -51,7 +50,7 @@ class PathPhase(Phase):
     """A further path of the end-effector, from the state at which the phase before ends.
 
     Attributes:
-        path: Path in the frame of the manoeuvre or in that of a body of the scene, or a goal with a
+        path: Path in the frame of the manoeuvre or of a body of the scene, or a goal with a
             pose in the frame of no body and a duration, to which the shortest way leads. It begins
             with the pose and the twist of the end-effector at the end of the phase before.
         name: Its name; by default ``"to"`` for a pose, else ``"path"``, with a number where another
@@ -92,19 +91,19 @@ class PathPhase(Phase):
 
     def expected_after(self, state: ExpectedState) -> ExpectedState:
         """See :class:`~freefloat.beyond.missions.manoeuvre.Phase`."""
-        given, drift = self.path, state.problem.drift
-        if isinstance(given, Goal):
-            duration = cast(float, given.duration)
-            end = given.pose if given.frame == "inertial" else None
+        stated, drift = self.path, state.problem.drift
+        if isinstance(stated, Goal):
+            duration = cast(float, stated.duration)
+            end = stated.pose if stated.frame == "inertial" else None
             if end is not None and state.pose is not None and state.twist is not None:
                 path = transfer(state.pose, state.twist, end, duration, drift)
                 return state.after_path(path, self.redundancy, end, np.zeros(6))
             if self.redundancy is not None:
                 self.redundancy.require_applicable(state.problem.model, state.problem.task)
             return state.after(duration, end, np.zeros(6))
-        if isinstance(given, RelativePath):
-            state.body(given.body.name, "path.frame", FRAMES[:1])
-        path = prescribed_path(given, state.bodies_now, np.zeros(3), drift)
+        if isinstance(stated, RelativePath):
+            state.body(stated.body.name, "path.frame", FRAMES[:1])
+        path = prescribed_path(stated, state.bodies_now, np.zeros(3), drift)
         if state.pose is not None:
             require_continuous(path, state.pose, state.twist, state.problem)
         end, twist = path.path.pose(1.0), path.twist(path.duration) + path.drift_twist
@@ -187,7 +186,7 @@ def prescribed_path(
         given: The path.
         bodies: Bodies of the scene now, from the present centre of mass.
         centre: Centre of mass in the frame of the manoeuvre [m], shape (3,).
-        drift: Its velocity [m/s], shape (3,).
+        drift: Velocity of the centre of mass [m/s], shape (3,).
     """
     if isinstance(given, RelativePath):
         body = next(body for body in bodies if body.name == given.body.name)
@@ -220,7 +219,7 @@ def require_continuous(path: TimedPath, pose: Pose, twist: Array | None, problem
 def moved_to_begin_at(path: TimedPath, pose: Pose, problem: Problem) -> TimedPath:
     """The path, moved and turned by the little by which it does not begin at a pose.
 
-    Joints need no correction then, and errors of paths before are not those of this one.
+    Joints need no correction then, and errors of paths before are not errors of this one.
     """
     offset = -_offset(path, pose, problem)
     curve, orientation = path.path.curve, path.path.orientation

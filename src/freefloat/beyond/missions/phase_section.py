@@ -64,9 +64,9 @@ class GoalSection(Section):
     """What shall hold at the end of a motion of the joints: pose or joints, attitude, or both."""
 
     pose: PoseSection | None = None
-    """Of the end-effector."""
+    """Pose of the end-effector."""
     attitude: Quaternion | None = None
-    """Of the spacecraft: x, y, z, w."""
+    """Attitude of the spacecraft, quaternion x, y, z, w."""
     joints: list[Number] | dict[str, Number] | None = None
     """Joints [rad, m]: in the order of the chain, or by name."""
     duration: Positive | None = None
@@ -92,31 +92,31 @@ class ToSection(PoseSection):
     """A pose to which the end-effector moves from where it is, on the shortest way."""
 
     frame: Literal["inertial", "spacecraft", "base", "end_effector"] = "inertial"
-    """Frame of both: ``inertial``, from the centre of mass at time zero; or, where the phase
-    begins, that of the root link, of the link that carries the first joint, or of the
-    end-effector."""
+    """Frame of position and orientation: ``inertial``, from the centre of mass at time zero; or,
+    where the phase begins, the frame of the root link, of the link that carries the first joint,
+    or of the end-effector."""
 
 
 class CaptureSection(Section):
     """A body of the scene that is grasped: it becomes a payload."""
 
     body: Name
-    """Its name."""
+    """Name of the body."""
     mass: Positive
     """Mass [kg]."""
     inertia: Inertia | None = None
-    """Inertia about its centre of mass, axes of its frame [kg m²]; default: that of its
+    """Inertia about its centre of mass, axes of its frame [kg m²]; default: the inertia of its
     tumbling."""
     com: Vector | None = None
-    """Centre of mass in its frame [m]; default: that of its tumbling, or zero."""
+    """Centre of mass in its frame [m]; default: the centre of mass of its tumbling, or zero."""
 
 
 class PhaseSection(Section):
     """A phase after the path, from the state at which the one before ends: exactly one kind."""
 
     name: Name | None = None
-    """Its name, unlike those of the others; default: its kind, with a number where another phase
-    has that name: ``goal``, ``goal 2``."""
+    """Name of the phase, unlike the names of other phases; default: its kind, with a number where
+    another phase has that name: ``goal``, ``goal 2``."""
     path: PathSection | None = None
     """A path that begins with the end-effector's pose and velocity; its frame is ``inertial`` or a
     body of the scene."""
@@ -162,7 +162,7 @@ class PhaseSection(Section):
             seed: Seed of the search for a motion to a goal.
 
         Raises:
-            InputError: If a value is invalid; keys are those below that of its kind.
+            InputError: If a value is invalid; keys are below the key of its kind.
         """
         name = self.name or ""
         if self.capture is not None:

@@ -166,7 +166,7 @@ class ExpectedState:
         """The free body with a name, at time zero.
 
         Args:
-            name: Its name.
+            name: Name of the body.
             key: Key of the name, for errors.
             others: What else the key accepts.
 

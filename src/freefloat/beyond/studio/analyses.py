@@ -111,19 +111,19 @@ class PathAnalysis(Analysis):
     def motion(self, state: WorkerState, progress: Progress) -> WorkerAnswer:
         """The motion from the attitude of a state.
 
-        Without one it is that of the largest margin in the map that keeps the limits; where none
-        was found, the one that gets farthest.
+        Without an attitude it is the motion of the largest margin in the map that keeps the limits;
+        where none was found, the motion that gets farthest.
 
         Args:
             state: The state.
             progress: Called during the computation; may raise an exception to abandon it.
         """
-        samples, found = self._map, None
+        samples, best = self._map, None
         chosen = np.array(state.attitude or (0.0, 0.0, 0.0, 1.0))
         if state.attitude is None and samples is not None:
-            found = motion_within_limits(self._evaluator, samples, self._limits, progress)
+            best = motion_within_limits(self._evaluator, samples, self._limits, progress)
             chosen = samples.attitudes[best_sample(samples.results)]
-        self._motion = found or best_motion(self._evaluator, chosen)
+        self._motion = best or best_motion(self._evaluator, chosen)
         self._unchecked = self._motion is not None
         if self._motion is None:
             outcome = "no arm configuration reaches the start of the path from this attitude"

@@ -175,7 +175,7 @@ def motion_within_limits(
     limits: Limits,
     progress: Progress,
 ) -> SimulatedBranch | None:
-    """The motion of the largest margin, of those from samples, that keeps the limits.
+    """The motion of the largest margin, of motions from samples, that keeps the limits.
 
     Args:
         evaluator: Evaluator of the problem.

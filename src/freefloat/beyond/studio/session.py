@@ -120,7 +120,7 @@ class Session:
                 self._edit(message)
 
     def _edit(self, edit: Edit) -> None:
-        """Apply an edit; those of one gesture are one step of the history."""
+        """Apply an edit; edits of one gesture are one step of the history."""
         content = edited(self._document.content, edit, self._outline)
         if content == self._document.content:
             self._dragging = not edit.done

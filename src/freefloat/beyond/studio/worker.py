@@ -158,7 +158,7 @@ class WorkerProcess:
 
     @property
     def pid(self) -> int | None:
-        """Its number."""
+        """Number of the process."""
         return self._process.pid
 
     def send(self, message: WorkerState | WorkerTask) -> None:

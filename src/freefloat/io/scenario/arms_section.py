@@ -32,7 +32,7 @@ class JointsLaw(Section):
 
     joints: Name | Waypoints
     """Waypoints, each with a value for each joint [rad, m], on a spline from rest to rest; or a
-    file with a motion of these joints, relative to the scenario file."""
+    file with a motion of the joints, relative to the scenario file."""
     times: list[Number] | None = None
     """Times of the waypoints [s], rising from 0 to the duration; equal intervals when left out."""
 
@@ -61,14 +61,14 @@ class OwnPathLaw(Section):
     """The arm follows a path of its own."""
 
     path: PathSection
-    """Its keys are those of ``path``, but samples; task and timing are those of the scenario."""
+    """Path with the keys of ``path`` but samples; task and timing are the scenario's."""
 
 
 class ArmSection(Section):
     """An arm beside others."""
 
     end_effector: Name
-    """Its last link."""
+    """Last link of the arm."""
     law: Literal["held"] | JointsLaw | OwnPathLaw | None = None
     """What moves it: ``held``, the default, nothing: its joints keep the values of ``robot.held``,
     or zero; ``{joints: ...}``, a joint curve; ``{path: ...}``, a path of its own. The arm that
@@ -94,7 +94,7 @@ def curves_of(
 
 
 def arms_content(problem: Problem, paths: Mapping[str, dict[str, Any]]) -> dict[str, Any]:
-    """The content of the key for arms that move, those on paths with the content of these."""
+    """The content of the key for arms that move; arms on paths have the content of these paths."""
     laws: dict[str, dict[str, Any]] = {name: {"path": path} for name, path in paths.items()}
     for name, curve in problem.arms.curves.items():
         laws[name] = {"joints": curve.waypoints.tolist(), "times": curve.times.tolist()}

@@ -70,16 +70,16 @@ class Section(BaseModel):
 def descriptions(section: type[BaseModel]) -> dict[str, str]:
     """The descriptions of the fields of a section, or the strings below them and its bases'."""
     fields = section.model_fields.items()
-    found = {name: field.description for name, field in fields if field.description is not None}
-    if found:
-        return found
+    texts = {name: field.description for name, field in fields if field.description is not None}
+    if texts:
+        return texts
     for kind in reversed(section.__mro__[: section.__mro__.index(Section)]):
         (definition,) = ast.parse(textwrap.dedent(inspect.getsource(kind))).body
         for field, below in pairwise(definition.body):  # type: ignore[attr-defined]
             if isinstance(field, ast.AnnAssign) and isinstance(below, ast.Expr):
                 text = inspect.cleandoc(ast.literal_eval(below.value))
-                found[field.target.id] = text  # type: ignore[union-attr]
-    return found
+                texts[field.target.id] = text  # type: ignore[union-attr]
+    return texts
 
 
 def exactly_one_of(*names: str) -> Any:

@@ -179,7 +179,7 @@ class PathSection(Section):
 
     @property
     def kind(self) -> str:
-        """The one that is given."""
+        """The key that is given."""
         return next(name for name in self.kinds() if getattr(self, name) is not None)
 
     @model_validator(mode="after")

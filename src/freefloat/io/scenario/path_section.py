@@ -104,8 +104,8 @@ def path_of(
     Args:
         section: The section.
         task: Part of the pose that it prescribes.
-        samples: Texts of CSV files, among them that of the section, by name.
-        folder: Folder of these files.
+        samples: Texts of CSV files, among them the file of the section, by name.
+        folder: Folder of the CSV files.
         frame: Frame of the section's coordinates, relative to the inertial frame; None for that
             frame.
 
@@ -181,15 +181,15 @@ def sections_of_arms(path: TimedPath) -> dict[str, dict[str, Any]]:
         InputError: As for :func:`section_of`, or if a path is one of samples.
     """
     contents = {}
-    for name, own in [*path.by_arm.items()][1:]:
-        curve, law = own.stated[0].curve, own.stated[0].orientation
+    for name, arm_path in [*path.by_arm.items()][1:]:
+        curve, law = arm_path.stated[0].curve, arm_path.stated[0].orientation
         if isinstance(curve, SplineCurve) and not np.allclose(
             curve.knots, SplineCurve(curve.points).knots, rtol=0.0, atol=_SAME_KNOT
         ):
             raise inexpressible(f"{path_key(name)}.curve", curve)
         contents[name] = curve_content(curve) | _attitude_section(law)
-        if own.frame is not None:
-            contents[name]["frame"] = own.frame
+        if arm_path.frame is not None:
+            contents[name]["frame"] = arm_path.frame
     return contents
 
 

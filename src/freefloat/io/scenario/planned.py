@@ -83,7 +83,7 @@ class PlannedScenario:
     ) -> Simulation:
         """The motions of all arm branches from one attitude, as the command ``simulate``.
 
-        The arguments are those of :func:`~freefloat.planning.simulation.simulate`; without
+        The arguments are as for :func:`~freefloat.planning.simulation.simulate`; without
         ``branch`` and ``joints`` the arm configuration closest to the joints of the search is
         chosen, where it has joints.
 
@@ -111,7 +111,7 @@ class PlannedScenario:
         """The minimum margins over all initial attitudes, as the command ``map``.
 
         Args:
-            samples: Number of attitudes; by default that of the search.
+            samples: Number of attitudes; by default the number of the search.
             **options: As for :func:`~freefloat.planning.space.map_sampling.attitude_map`.
 
         Raises:

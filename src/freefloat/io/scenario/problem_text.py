@@ -43,9 +43,9 @@ def scenario_of(
     Args:
         problem: The problem of the path.
         search: The search for a plan.
-        limits: Limits to keep; those of the problem when left out.
+        limits: Limits to keep; the problem's limits when left out.
         sections: Further sections, or others in place of the problem's.
-        samples: Files of points that these name.
+        samples: Files of points that the sections name.
 
     Raises:
         InputError: If scenario files cannot describe the path of the problem or the objective.
@@ -83,12 +83,12 @@ def written_scenario(
     """Scenario with a setting, and with what is asked for.
 
     The text names the URDF that the robot came from, or, where there is none or parts or masses are
-    not those of the URDF, the file ``robot.urdf``, into which ``model.description.text`` is to be
+    not the URDF's, the file ``robot.urdf``, into which ``model.description.text`` is to be
     written.
 
     Args:
         setting: Robot, momentum and scene.
-        limits: Limits to keep; those of the setting when left out.
+        limits: Limits to keep; the setting's limits when left out.
         content: What is asked for: further sections, without the keys whose values are None.
         arms: Section of the arms.
         samples: Files of points by name.

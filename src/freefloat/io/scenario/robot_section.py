@@ -76,7 +76,7 @@ class SpacecraftSection(BodySection):
     """Pose of the arm's root link in the spacecraft's frame."""
 
     def values(self, folder: Path) -> dict[str, Any]:
-        """Arguments of the spacecraft: those of a body, and the mount."""
+        """Arguments of the spacecraft: the arguments of a body, and the mount."""
         return super().values(folder) | {"mount": self.mount.to_mount()}
 
 
@@ -118,7 +118,7 @@ class RobotSection(Section):
     gravity: NotNegative = 0.0
     """On a table, gravity along -z [m/s²], such as 9.81, which joint torques have to bear."""
     root: Name | None = None
-    """Of a model of MuJoCo, the body that is the spacecraft; default: the only body in the world,
+    """Body of a model of MuJoCo that is the spacecraft; default: the only body in the world,
     else the only one with a free joint and bodies that move on it. ``world`` is a root without mass
     for arms that stand in the world."""
     packages: dict[Name, Name] = Field(default={}, max_length=100)
@@ -139,9 +139,9 @@ class RobotSection(Section):
     attached: list[AttachedSection] = Field(default=[], max_length=100)
     """Further URDFs, fixed to links one after the other."""
     held: dict[Name, Number] = Field(default={})
-    """Values [rad, m] of fixed joints; joints off the chain to the end-effector, and off those of
-    arms with a law that moves them, never move: they are at zero, or where what they mimic has
-    them."""
+    """Values [rad, m] of fixed joints; joints off the chain to the end-effector, and off the
+    chains of arms with a law that moves them, never move: they are at zero, or where what they
+    mimic has them."""
     arms: dict[Name, ArmSection] = Field(default={}, max_length=20)
     """Arms by name, which have no joint in common."""
 

@@ -198,7 +198,7 @@ class Scenario(PlannedScenario):
         return bool(self.content.phases) or self.content.search.reorient
 
     def limits(self) -> Limits:
-        """The limits of motions, those of the problem.
+        """The limits of the problem's motions.
 
         Raises:
             InputError: If a joint is unknown, or the URDF lacks a limit that is taken from it.
@@ -218,7 +218,7 @@ def load_scenario(name: str | Path | dict[str, Any]) -> Scenario:
 
     Args:
         name: A file, the name of a bundled scenario such as ``spatial_6dof/line``, or a dictionary,
-            whose numbers may be those of NumPy and whose paths are relative to the working folder.
+            whose numbers may be NumPy's and whose paths are relative to the working folder.
 
     Raises:
         InputError: If it is invalid: file, line, key, value given and values accepted.
@@ -265,7 +265,7 @@ def parse_scenario(
         text: Content of the file.
         source: The file: named in errors, and the folder of the files that the text names.
         samples: Texts of the CSV files of its paths, by name; default: read from the files.
-        robot: The robot; default: that of the files that the scenario names.
+        robot: The robot; default: the robot of the files that the scenario names.
         shapes: Shapes of bodies of the scene, likewise.
 
     Raises:

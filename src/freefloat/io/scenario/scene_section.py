@@ -64,7 +64,7 @@ class SceneBodySection(Section):
     """A body beside the robot: exactly one shape."""
 
     name: Name
-    """Its name, not that of a link."""
+    """Name of the body, not the name of a link."""
     box: Size | None = None
     """Edges of a box along the axes of its frame [m]."""
     sphere: Positive | None = None
@@ -73,20 +73,20 @@ class SceneBodySection(Section):
     mesh: Name | None = None
     """A mesh file, relative to the scenario file."""
     scale: tuple[Factor, Factor, Factor] | None = None
-    """Of the mesh: metres per unit of the file along x, y, z; default 1."""
+    """Scale of the mesh: metres per unit of the file along x, y, z; default 1."""
     urdf: Name | None = None
     """A URDF, written as the robot's, or ``client``, a bundled satellite; its joints are all fixed
     at zero."""
     position: Vector = (0.0, 0.0, 0.0)
-    """Of its frame at the start of the path [m]: relative to the centre of mass of the robot's
-    system; with the target, in the end-effector's prescribed frame."""
+    """Position of its frame at the start of the path [m]: relative to the centre of mass of the
+    robot's system; with the target, in the end-effector's prescribed frame."""
     orientation: Orientation | None = None
-    """Of its frame at the start of the path, in the same axes; default: along them."""
+    """Orientation of its frame at the start of the path, in the same axes; default: along them."""
     with_: Literal["target"] | None = Field(default=None, alias="with")
     """``target``: it moves with the pose that the path prescribes for the end-effector. Default: it
     is fixed in inertial axes."""
     tumbling: TumblingSection | None = None
-    """It rotates free of torques."""
+    """Rotation of the body, free of torques."""
     touch_links: list[Name] = Field(default=[], max_length=1000)
     """Links of the robot that may touch it; the clearance does not apply to them."""
 

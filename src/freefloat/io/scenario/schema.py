@@ -42,10 +42,10 @@ class MarginSection(Section):
     value: Annotated[float, Field(strict=True, ge=0.0)] | None = None
     """Smallest allowed magnitude of the measure."""
     fraction: Annotated[float, Field(strict=True, ge=0.0, lt=1.0)] | None = None
-    """The same as a fraction of the largest magnitude of the measure over the joint space."""
+    """Smallest allowed magnitude of the measure as a fraction of its largest in the joint space."""
     fraction_of: Literal["base", "run"] | None = None
-    """In studies, whose largest magnitude: that of the robot of the ``base`` scenario, or of the
-    robot of each ``run``. For a single scenario both are the same. Default: base."""
+    """In studies, the robot whose largest magnitude counts: of the ``base`` scenario, or of
+    each ``run``. For a single scenario both are the same. Default: base."""
 
     _exactly_one = exactly_one_of("value", "fraction")
 

@@ -1,4 +1,4 @@
-"""Pictures of a page, taken by a headless Chromium through Playwright, and videos of these."""
+"""Pictures of a page, taken by headless Chromium through Playwright, and videos of the pictures."""
 
 from __future__ import annotations
 
@@ -139,7 +139,7 @@ def save_snapshots(
         playback: Scene and page.
         count: Number of pictures.
         folder: Output folder, created if missing.
-        name: Prefix of the file names; number and time, that of the picture's clock, follow.
+        name: Prefix of the file names; number and time on the picture's clock follow.
         size: Width and height [pixels].
         scene: Title of the scene, or ``"side by side"``; the first by default.
         progress: Called with the fraction done, in [0, 1].

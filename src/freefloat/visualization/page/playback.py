@@ -77,12 +77,12 @@ class Playback:
         Raises:
             InputError: If the title is unknown.
         """
-        scenes, every = self.scene.description.scenes, (0.0, self.duration)
+        scenes, span = self.scene.description.scenes, (0.0, self.duration)
         times = {scene.title: (scene.begin, scene.end) for scene in scenes}
         if self.scene.description.sequence:
-            times = {ALL_PHASES: every, **times}
+            times = {ALL_PHASES: span, **times}
         elif len(times) > 1:
-            times[SIDE_BY_SIDE] = every
+            times[SIDE_BY_SIDE] = span
         title = next(iter(times)) if title is None else title
         if title not in times:
             raise InputError("scene", f"there is no {title!r}", ", ".join(times))

@@ -28,8 +28,8 @@ class Label:
         position: The point [m], in the frame of ``node``.
         item: Item that the label is shown and hidden with.
         since: Time from which on it is shown [s].
-        node: Path of a node that it moves with, below that of the scene; empty for the scene.
-        colour: Of the text, in CSS; that of the page if it is empty.
+        node: Path of a node that it moves with, below the path of the scene; empty for the scene.
+        colour: Colour of the text, in CSS; the page's colour if it is empty.
     """
 
     text: str

@@ -182,7 +182,7 @@ def surface_of_revolution(ends: Iterable[float], radii: Iterable[float]) -> Surf
 
 
 def _directions(points: Array) -> Array:
-    """Unit tangents; where neighbours coincide, that of the last distinct pair."""
+    """Unit tangents; where neighbours coincide, the tangent of the last distinct pair."""
     steps = np.diff(points, axis=0)
     lengths = np.linalg.norm(steps, axis=1)
     (moving,) = np.nonzero(lengths > 1e-9 * lengths.max())

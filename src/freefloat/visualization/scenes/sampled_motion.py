@@ -134,7 +134,7 @@ class PointingCone:
     """A limit of pointing along a motion: the cone about its target, and the axis that it limits.
 
     Attributes:
-        number: Its number among those of the problem.
+        number: Number of the limit among the limits of pointing that are drawn.
         limit: The limit.
         times: Key times [s], shape (K,).
         origins: Origins of the link's frame from the centre of mass, inertial axes [m], (K, 3).
@@ -170,7 +170,7 @@ class PointingCone:
 
     @property
     def title(self) -> str:
-        """Its name or number and its cone, such as ``pointing.0 inside 30°``."""
+        """Name or number of the limit and its cone, such as ``pointing.0 inside 30°``."""
         name = self.limit.name or f"pointing.{self.number}"
         return f"{name} {self.limit.keep} {np.degrees(self.limit.angle):.4g}°"
 

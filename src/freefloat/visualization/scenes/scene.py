@@ -95,7 +95,7 @@ def motion_scene(
     Args:
         motions: Motions by name.
         title: Title of the page.
-        limits: Limits of which those of pointing are drawn with each motion.
+        limits: Limits, of which the limits of pointing are drawn with each motion.
         places: When and where each motion begins, if they follow one another.
         violations: What motions violate, by their names.
 
@@ -233,8 +233,8 @@ def _view(samples: Sequence[SampledMotion], places: Sequence[Place], planar: boo
     points = np.vstack(parts)
     points = points[scipy.spatial.ConvexHull(points, qhull_options="QJ").vertices]
     centre = (points.min(axis=0) + points.max(axis=0)) / 2.0
-    others = [place for sampled in samples for place in sampled.surroundings.places()]
-    direction = view_direction([sampled.positions for sampled in samples], others)
+    surroundings = [place for sampled in samples for place in sampled.surroundings.places()]
+    direction = view_direction([sampled.positions for sampled in samples], surroundings)
     plane = samples[0].motion.setting.plane if planar else None
     level = plane is not None and plane.is_level
     if plane is not None:
@@ -251,8 +251,8 @@ def _view(samples: Sequence[SampledMotion], places: Sequence[Place], planar: boo
 def _extent(sampled: SampledMotion) -> list[Array]:
     """Axes, corners of robot and scene, cones at some instants [m], shape (K, 3) each.
 
-    Corners further from their body's origin than the arm is long, as those of solar panels, are
-    left out.
+    Corners further from their body's origin than the arm is long, as corners of solar panels,
+    are left out.
     """
     setting = sampled.motion.setting
     chosen = np.unique(np.linspace(0, len(sampled.times) - 1, _INSTANTS).astype(int))

@@ -24,7 +24,7 @@ from freefloat.visualization.scenes.description import SceneDescription
 from freefloat.visualization.scenes.visuals import Visual
 
 ROOT = "meshcat"
-"""First part of all paths except those of lights, camera and background."""
+"""First part of all paths except the paths of lights, camera and background."""
 FRONT_SIDE, BACK_SIDE, BOTH_SIDES = 0, 1, 2
 """Sides of a surface, as numbered by three.js."""
 _FLOAT32 = 0x17
@@ -73,7 +73,7 @@ class SceneBuilder:
     """Collects MeshCat commands.
 
     Attributes:
-        start: Time that is added to those of the tracks that follow [s].
+        start: Time that is added to the times of the tracks that follow [s].
     """
 
     def __init__(self) -> None:

@@ -31,7 +31,7 @@ _BODY = (0.93, 0.62, 0.30, 1.0)
 _OPACITY = 0.6
 _CORRIDOR = (0.35, 0.85, 0.75, 0.16)
 _BEYOND = 1.1
-"""Length of a corridor over that of the path along it."""
+"""Length of a corridor over the length of the path along it."""
 
 
 def body_visuals(number: int, body: SceneBody) -> Visuals:

@@ -44,8 +44,8 @@ class Visual:
     Attributes:
         name: Name of the link, numbered where it has several shapes; unique in the robot.
         body: The rigid body that it is part of: 0 is the spacecraft, k is moved by joint k.
-        placement: Its frame in the body's joint frame.
-        shape: Its geometry.
+        placement: Frame of the shape in the body's joint frame.
+        shape: Geometry of the shape.
         colour: Colour of the whole shape.
     """
 
@@ -111,7 +111,7 @@ class Visuals:
     """Shapes of a robot, or of a body of the scene.
 
     Attributes:
-        shapes: Shapes, each fixed to a body; those of a robot are named after their links.
+        shapes: Shapes, each fixed to a body; shapes of a robot are named after their links.
         problems: Messages on visuals that cannot be drawn.
     """
 

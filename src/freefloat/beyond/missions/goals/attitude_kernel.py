@@ -33,7 +33,7 @@ class AttitudeBuffers(NamedTuple):
         attitudes: Attitudes at the ends of N intervals, the first one given, shape (N + 1, 3, 3).
         turns: Their variations, rotation vectors in the spacecraft frame, (N + 1, 3, unknowns).
         omega: Angular velocity by s at the Gauss points, shape (2 N, 3).
-        slopes: Its derivatives, shape (2 N, 3, unknowns).
+        slopes: Derivatives of omega, shape (2 N, 3, unknowns).
     """
 
     attitudes: Array
@@ -100,10 +100,10 @@ class JointSamples(NamedTuple):
             (2, 2 N, n).
         basis: Derivatives of both by the coefficients, shape (2, 2 N, K).
         omega: Angular velocity of the spacecraft by s without momentum, shape (2 N, 3).
-        turns: Its derivatives by the rates, ``-D^-1 Dq``, shape (2 N, 3, n).
+        turns: Derivatives of omega by the rates, ``-D^-1 Dq``, shape (2 N, 3, n).
         inverses: D^-1, shape (2 N, 3, 3).
         omega_slopes: Derivatives of omega by the joints, shape (2 N, n, 3).
-        inverse_slopes: Those of D^-1, shape (2 N, n, 3, 3).
+        inverse_slopes: Derivatives of D^-1, shape (2 N, n, 3, 3).
     """
 
     by_duration: Array
@@ -150,7 +150,7 @@ class _Gauss(NamedTuple):
 
     Attributes:
         by_joint: Derivatives of the angular velocity by the joints, shape (3, n).
-        by_turn: Its derivatives by a rotation of the spacecraft, shape (3, 3).
+        by_turn: Derivatives of the angular velocity by a rotation of the spacecraft, shape (3, 3).
         h: Angular momentum of spacecraft and arm in the spacecraft frame, shape (3,).
         spin: Angular velocity by time due to it, shape (3,).
     """
@@ -171,7 +171,7 @@ def march(
 
     Args:
         samples: The path.
-        momenta: Of the system, inertial axes, and of the wheels [N m s], shape (2, 3).
+        momenta: Momenta of the system, inertial axes, and of the wheels [N m s], shape (2, 3).
         duration: Duration of the path [s].
         buffers: What is written.
         order: 1 for the variations too.

@@ -32,7 +32,7 @@ _LESS = 1.02
 _CLOSE, _SPARE = 0.999, 1.0 + 1e-7
 """Usage of limits from which a motion is as short as they permit, and factor on its duration."""
 _CLOSE_BY_TIME, _SPARE_BY_TIME = 0.98, 1.005
-"""The same where the motion is another one at another duration."""
+"""Usage and factor where the motion is another one at another duration."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +40,7 @@ class CertifiedMotion:
     """A precise motion that ends at the goal.
 
     Attributes:
-        unknowns: Of its path.
+        unknowns: Unknowns of its path.
         motion: The motion.
         results: Limits along it; empty where one is violated.
         violation: The first limit that is violated; None where all are kept.
@@ -58,8 +58,8 @@ class Certification:
 
     Attributes:
         setting: Robot, momentum, scene and drift.
-        checker: Of the limits.
-        attitude: Of the spacecraft at the start, unit quaternion x, y, z, w.
+        checker: Checker of the limits.
+        attitude: Attitude of the spacecraft at the start, unit quaternion x, y, z, w.
         by_time: Whether the motion is another one at another duration.
     """
 
@@ -74,19 +74,19 @@ class Certification:
         It has a violation where none nearby keeps all limits. None where the path itself cannot end
         exactly at the goal.
         """
-        found: CertifiedMotion | None = None
+        certified: CertifiedMotion | None = None
         for _ in range(_EXCHANGES):
             exact = self.exact(relaxation, unknowns)
             if exact is None:
-                return found
+                return certified
             unknowns, motion = exact
-            found = self.checked(unknowns, motion)
-            demanding = self._demanding(relaxation, found.violation)
+            certified = self.checked(unknowns, motion)
+            demanding = self._demanding(relaxation, certified.violation)
             if demanding is None or relaxation.effort.spent:
-                return found
+                return certified
             relaxation = demanding
             unknowns = relaxation.relaxed(unknowns, FINAL, _ITERATIONS).course.unknowns
-        return found
+        return certified
 
     def checked(self, unknowns: Array, motion: Motion) -> CertifiedMotion:
         """A precise motion with its limits."""

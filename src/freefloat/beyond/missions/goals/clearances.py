@@ -40,7 +40,7 @@ class ScenePlaces(NamedTuple):
 
     Attributes:
         times: The instants [s], shape (K,).
-        attitudes: Of the spacecraft, shape (K, 3, 3).
+        attitudes: Attitudes of the spacecraft, shape (K, 3, 3).
         bodies: The robot's bodies.
     """
 
@@ -126,7 +126,7 @@ class _Seen(NamedTuple):
 
     @classmethod
     def never(cls, *shape: int) -> _Seen:
-        """That of pairs of which nothing is known."""
+        """Distances and places of pairs of which nothing is known."""
         return cls(np.full(shape, -np.inf), np.zeros((*shape, 3)), np.zeros((*shape, 3, 3)))
 
     def bounds(self, now: _Seen, radii: Array) -> Array:
@@ -171,11 +171,11 @@ class Clearances:
 
     def allow_start(self, joints: Array, attitude: Array) -> None:
         """Require no larger distances than there are where a path begins."""
-        every = np.arange(len(self._bodies))
+        bodies = np.arange(len(self._bodies))
         place = ScenePlaces(np.zeros(1), attitude[None], Placements.of(self._arm, joints[None]))
-        first, none = np.zeros_like(every), np.full(len(every), -np.inf)
+        first, none = np.zeros_like(bodies), np.full(len(bodies), -np.inf)
         scene = self._scene.along(place)
-        distances, _, _ = self._pairs.nearest(joints[None], first, every, scene, none)
+        distances, _, _ = self._pairs.nearest(joints[None], first, bodies, scene, none)
         self._known = np.minimum(self._known, distances)
 
     def widen(self, violation: LimitResult) -> bool:
@@ -236,12 +236,12 @@ class Clearances:
 
     def _edges(self, paths: JointPaths) -> IntArray:
         """Ends of intervals to look at: of equal loops the first one and where others differ."""
-        every = np.arange(1, len(paths.times))
+        edges = np.arange(1, len(paths.times))
         still = not self._setting.scene.bodies and paths.closed
         if paths.loops <= 2 or not still:
-            return every
-        loop, ends = len(every) // paths.loops, _ENDS * len(every) // paths.all_spans
-        return np.concatenate([every[: loop + ends], every[-ends:]])
+            return edges
+        loop, ends = len(edges) // paths.loops, _ENDS * len(edges) // paths.all_spans
+        return np.concatenate([edges[: loop + ends], edges[-ends:]])
 
     def _with_derivatives(
         self, table: Array, edges: IntArray, places: ScenePlaces, paths: JointPaths

@@ -33,10 +33,10 @@ class Goal:
         pose: Pose of the end-effector, also as a ``pin.SE3``; None where it is free.
         attitude: Attitude of the spacecraft, unit quaternion x, y, z, w; None where it is free.
         joints: Joint values [rad or m], shape (n,); None where they are free.
-        frame: Frame of the pose: ``"inertial"``, that of the manoeuvre; where the motion begins,
-            ``"spacecraft"``, the root link, ``"base"``, the link that carries the first joint, or
-            ``"end_effector"``; or the name of a body of the scene: the end-effector arrives with
-            the body's twist, and the joints do not rest.
+        frame: Frame of the pose: ``"inertial"``, the frame of the manoeuvre; where the motion
+            begins, ``"spacecraft"``, the root link, ``"base"``, the link that carries the first
+            joint, or ``"end_effector"``; or the name of a body of the scene: the end-effector
+            arrives with the body's twist, and the joints do not rest.
         duration: Duration [s]; None for the shortest one found that limits permit.
         joint_rates: Joint rates with the ``joints`` [rad/s or m/s], shape (n,); None for zero.
 
@@ -138,8 +138,8 @@ class Goal:
 
         Args:
             setting: Robot, momentum, drift and scene, from the centre of mass at the start.
-            attitude: Of the spacecraft at the start, unit quaternion x, y, z, w.
-            joints: At the start, shape (n,).
+            attitude: Attitude of the spacecraft at the start, unit quaternion x, y, z, w.
+            joints: Joint values at the start, shape (n,).
         """
         body = self.body(setting)
         pose = self.pose if body else self.pose_in(setting.model, attitude, joints)
@@ -162,7 +162,7 @@ class Goal:
 
 
 def require_inside(model: FreeFloatingModel, joints: Joints, key: str) -> None:
-    """Raise an InputError, naming a key, unless joints are those of a robot, in their ranges."""
+    """Raise an InputError, naming a key, unless joints are a robot's, in their ranges."""
     values = model.joint_vector(joints, key)
     ranges = zip(model.joint_names, values, *model.joint_ranges, strict=True)
     for name, value, low, high in ranges:

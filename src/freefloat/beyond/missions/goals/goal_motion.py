@@ -94,7 +94,7 @@ class GoalMotion(Answer):
         return self.deepest_contact()
 
     def with_motion(self, motion: Motion, results: Sequence[LimitResult]) -> GoalMotion:
-        """The same with a motion that ends at the goal, feasible where it keeps its limits."""
+        """The result with a motion that ends at the goal, feasible where it keeps its limits."""
         violations = violated(results)
         reason = f"the goal is reached in {float(motion.times[-1]):.4g} s"
         if violations:
@@ -142,9 +142,9 @@ def goal_setting(system: System, attitude: Array, goal: Goal, scene: Scene) -> J
 
     Args:
         system: Robot, momentum, wheels and drift.
-        attitude: Of the spacecraft at the start, unit quaternion x, y, z, w.
+        attitude: Attitude of the spacecraft at the start, unit quaternion x, y, z, w.
         goal: What is to be reached.
-        scene: From the centre of mass at the start.
+        scene: Scene from the centre of mass at the start.
 
     Raises:
         InputError: If momentum, attitude or scene do not suit the robot, or system or bodies would

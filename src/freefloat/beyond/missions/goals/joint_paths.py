@@ -47,14 +47,14 @@ class JointCourse(NamedTuple):
     """A joint path with the attitudes along it.
 
     Attributes:
-        unknowns: Shape (K n + 1,).
+        unknowns: Unknowns of the path, shape (K n + 1,).
         joints: Joint values at the ends of the intervals, shape (N + 1, n).
         rates: Their derivatives by s at the Gauss points, shape (2 N, n).
-        attitudes: At the ends of the intervals, shape (N + 1, 3, 3).
-        turns: Derivatives of these, rotation vectors in the spacecraft frame, shape
+        attitudes: Attitudes at the ends of the intervals, shape (N + 1, 3, 3).
+        turns: Derivatives of the attitudes, rotation vectors in the spacecraft frame, shape
             (N + 1, 3, K n + 1).
         omega: Angular velocity of the spacecraft by s at the Gauss points, shape (2 N, 3).
-        slopes: Its derivatives, shape (2 N, 3, K n + 1).
+        slopes: Derivatives of omega, shape (2 N, 3, K n + 1).
     """
 
     unknowns: Array
@@ -163,7 +163,7 @@ class JointPaths:
 
     @cached_property
     def basis(self) -> Array:
-        """The same by the rows of unknowns, shape (2, 2 N, K)."""
+        """Derivatives of joints and slopes at the Gauss points by rows of unknowns, (2, 2 N, K)."""
         return np.ascontiguousarray(self.gauss @ self.spread)
 
     @cached_property
@@ -191,7 +191,7 @@ class JointPaths:
 
     @cached_property
     def edge_basis(self) -> Array:
-        """The same by the rows of unknowns, shape (N + 1, K)."""
+        """Derivatives of the joints at the ends of intervals by rows of unknowns, (N + 1, K)."""
         return np.asarray(self.edges @ self.spread)
 
     def control_points(self, unknowns: Array) -> Array:
@@ -200,7 +200,7 @@ class JointPaths:
         return np.asarray(self.fixed[0] + unknowns[-1] * self.fixed[1] + self.spread @ rows)
 
     def repeated(self, unknowns: Array) -> Array:
-        """Unknowns of these loops of which each is nearly that of one loop's unknowns."""
+        """Unknowns of these loops, each nearly the loop of one loop's unknowns."""
         between = np.zeros(self.joint_count)
         return np.concatenate([unknowns[:-1], between, unknowns[-1:] * self.loops])
 
@@ -215,9 +215,9 @@ class JointPaths:
 
         Args:
             arm: The robot.
-            unknowns: Of the path.
-            attitude: Of the spacecraft at the start, shape (3, 3).
-            momenta: Of the system, inertial axes, and of wheels [N m s], shape (2, 3).
+            unknowns: Unknowns of the path.
+            attitude: Attitude of the spacecraft at the start, shape (3, 3).
+            momenta: Momenta of the system, inertial axes, and of wheels [N m s], shape (2, 3).
             order: 1 for derivatives, whose arrays are empty otherwise.
         """
         points = self.control_points(unknowns)

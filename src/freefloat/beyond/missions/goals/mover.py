@@ -94,7 +94,7 @@ def sketch(
 ) -> Motion | None:
     """A motion to a goal that is found at once: clearance, pointing and turn are left out.
 
-    Args and errors are those of :func:`move`; None where no motion was found.
+    Args and errors are as for :func:`move`; None where no motion was found.
     """
     rates = replace(limits.without_turn, clearance=OFF, pointing=())
     query = _posed(system, state, goal, rates, scene)
@@ -209,7 +209,7 @@ def arrive(
 
 
 def _forward(outcome: GoalMotion, back: JointLaw, attitude: Array) -> GoalMotion:
-    """The outcome with the motion whose joints are those of a motion backward in time."""
+    """The outcome with the motion whose joints are the joints of a motion backward in time."""
     there = earlier(outcome.setting, back.duration)
     curve = JointSpline(back.curve.control_points[::-1])
     motion = integrate_spline(JointLaw(there, curve, back.duration), attitude)

@@ -24,9 +24,9 @@ class PlacedArm:
     Attributes:
         robot: Its arrays for the kernels.
         prismatic: Which joints are prismatic, shape (n,).
-        mass: Of the system [kg].
+        mass: Mass of the system [kg].
         rotations: Rotations of the bodies' frames in their link frames, shape (n, 3, 3).
-        origins: Origins of these [m], shape (n, 3).
+        origins: Origins of the bodies' frames in their link frames [m], shape (n, 3).
     """
 
     robot: Robot
@@ -51,7 +51,7 @@ class Placements(NamedTuple):
 
     Attributes:
         rotations: Rotations of the bodies' frames, shape (K, 1 + n, 3, 3).
-        origins: Origins of these [m], shape (K, 1 + n, 3).
+        origins: Origins of the bodies' frames [m], shape (K, 1 + n, 3).
         axes: Axes of the joints, shape (K, n, 3).
         centres: Centres of mass of the system, on a table below or above them [m], shape (K, 3).
         centre_rates: Their derivatives by the joints, shape (K, 3, n).
@@ -65,7 +65,7 @@ class Placements(NamedTuple):
 
     @classmethod
     def of(cls, arm: PlacedArm, joints: Array) -> Placements:
-        """Those of joint values (K, n)."""
+        """Placements at joint values (K, n)."""
         frames, centres, _, _ = Configurations.of(arm.robot, joints)
         x, axes, points, P = np.moveaxis(frames, 2, 0)
         turned = np.stack([x, np.cross(axes, x), axes], axis=-1)

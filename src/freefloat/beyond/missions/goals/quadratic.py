@@ -79,7 +79,7 @@ class Quadratic:
         gradient: Its gradient, shape (unknowns,).
         matrix: Its second derivatives, shape (unknowns, unknowns).
         hinges: How far limits are violated, negative where they are kept, weighted, shape (M,).
-        slopes: Derivatives of these, shape (M, unknowns).
+        slopes: Derivatives of the hinges, shape (M, unknowns).
         error: Residuals of the end, shape (size,).
         jacobian: Their derivatives, shape (size, unknowns).
     """

@@ -38,7 +38,7 @@ _INSTANT = 1e-3
 _MOVING = ((8, 1), (12, 1), (16, 1))
 """Spans and loops of paths that need not turn the spacecraft."""
 _TURNING = ((8, 1), (8, 2), (8, 4), (8, 8), (8, 16), (8, 32))
-"""Those of paths that turn it: small loops turn it with their area, and fit where large do not."""
+"""Spans and loops of paths that turn the spacecraft by area; small loops fit where large do not."""
 _USED = 0.99
 """Fraction of limits of rates that paths in a given duration use."""
 _ASSUMED = 1.0
@@ -203,8 +203,8 @@ def violation_at_rest(
 
     Args:
         setting: Robot and scene, whose bodies are where they are at time zero.
-        checker: Of the limits.
-        attitude: Of the spacecraft, unit quaternion x, y, z, w.
+        checker: Checker of the limits.
+        attitude: Attitude of the spacecraft, unit quaternion x, y, z, w.
         joints: Joint values, shape (n,).
         rests: Whether the joints rest in this state.
     """

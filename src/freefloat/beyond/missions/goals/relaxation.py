@@ -37,7 +37,7 @@ _CLOSED, _CORRECTIONS = 1e-13, 20
 _RANGE_MARGIN, _RANGE_SCALE = 1e-3, 0.05
 """Margin of joint ranges, and violation that counts as one [rad, m]."""
 _SHAPES = 0.1
-"""Weight of violations of shapes over that of rates."""
+"""Weight of violations of shapes over the weight of violations of rates."""
 _GUARDED_FRACTION = 0.5
 """Fraction of a limit from which a value may violate it after a step."""
 
@@ -46,8 +46,8 @@ class TermWeights(NamedTuple):
     """Weights of what is minimized.
 
     Attributes:
-        effort: Of the mean square of joint rates over their limits.
-        violations: Of the squared violations of limits.
+        effort: Weight of the mean square of joint rates over their limits.
+        violations: Weight of the squared violations of limits.
     """
 
     effort: float
@@ -62,14 +62,14 @@ class Relaxation:
         arm: The robot.
         paths: The family.
         target: What the paths reach.
-        attitude: Of the spacecraft at the start, shape (3, 3).
-        momenta: Of the system and of wheels [N m s], shape (2, 3).
+        attitude: Attitude of the spacecraft at the start, shape (3, 3).
+        momenta: Momenta of the system and of wheels [N m s], shape (2, 3).
         joint_rate: Limits of joint rates, of joints without limit assumed ones [rad/s or m/s],
             shape (n,).
         joint_acceleration: Accelerations that their limits permit, and roughly limits of torques
             [rad/s² or m/s²], shape (n,).
         base_rate: Limit of the spacecraft's rate [rad/s]; infinite without limit.
-        ranges: Of the joints, shape (2, n).
+        ranges: Ranges of the joints, shape (2, n).
         shapes: Limits that do not depend on rates.
         free_duration: Whether the duration is an unknown.
         reference: Duration unless it is an unknown, else a guess [s].
@@ -92,7 +92,7 @@ class Relaxation:
 
     @cached_property
     def coarse(self) -> Relaxation:
-        """The same with fewer instants that are looked at, to begin with."""
+        """The relaxation with fewer instants that are looked at, to begin with."""
         return replace(self, paths=replace(self.paths, fineness=COARSE_INTERVALS))
 
     def course(self, unknowns: Array, order: int = 1) -> JointCourse:
@@ -194,8 +194,8 @@ class Relaxation:
         if np.isfinite(self.base_rate):
             yield beyond_one(*self._base_rates(course))
         for shape in self.shapes:
-            found = shape.violations(self.paths, course)
-            yield _SHAPES * found.amounts, _SHAPES * found.jacobian(self.paths, course)
+            violations = shape.violations(self.paths, course)
+            yield _SHAPES * violations.amounts, _SHAPES * violations.jacobian(self.paths, course)
 
     def _base_rates(self, course: JointCourse) -> tuple[Array, Array]:
         """Rates of the spacecraft over the limit at the G Gauss points, (G, 3), and derivatives."""
@@ -229,8 +229,8 @@ class JointValues(NamedTuple):
 
     Attributes:
         values: Shape (G, n).
-        basis: Derivatives of those by s by the rows of unknowns, shape (G, K).
-        scales: Derivatives of the values by those by s, shape (n,).
+        basis: Derivatives of the joints' derivatives by s by the rows of unknowns, shape (G, K).
+        scales: Derivatives of the values by the joints' derivatives by s, shape (n,).
         by_duration: Derivatives by the duration, shape (G, n).
     """
 
@@ -249,7 +249,7 @@ class JointValues(NamedTuple):
         return cls(values, basis @ paths.spread, scales, by_duration)
 
     def beyond_limits(self) -> tuple[Array, Array]:
-        """How far those near or beyond one are beyond it, with derivatives by the unknowns."""
+        """How far values near or beyond one are beyond it, with derivatives by the unknowns."""
         place, joint = np.nonzero(np.abs(self.values) > _GUARDED_FRACTION)
         signs, n = np.sign(self.values[place, joint]), len(self.scales)
         rows = np.zeros((len(place), self.basis.shape[1], n))
@@ -262,7 +262,7 @@ class JointValues(NamedTuple):
     def mean_square(self, weight: float, paths: JointPaths) -> tuple[float, Array, Array]:
         """Half the weighted sum of squares, its gradient and its matrix.
 
-        The blocks of joints are those of one, scaled.
+        The blocks of joints are the block of one joint, scaled.
         """
         values, basis, scales, by_duration = self
         K, n = basis.shape[1], len(scales)

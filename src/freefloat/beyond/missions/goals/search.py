@@ -26,15 +26,15 @@ _RANDOM, _RANDOM_LOOPS = 6, 3
 _REPEATED = 2
 """Single loops that are repeated, and paths of the family before whose loops are made smaller."""
 _REFINED = 3
-"""Of the paths of a family after the first stage those that are refined before other families."""
+"""Number of paths of a family after the first stage that are refined before other families."""
 _TOGETHER = 2
-"""Of these so many are refined before the shorter one is certified."""
+"""Number of paths that are refined before the shorter one is certified."""
 _ACCEPTABLE = 1e-2
 """Penalty of violations after the first stage of a path that violates hardly anything."""
 _HOPELESS = 20.0
 """Penalty of violations from which a path is not improved."""
 _SHORTENED = 1.3
-"""Duration, over that of the best motion known, from which a path is not improved."""
+"""Duration, over the duration of the best motion known, from which a path is not improved."""
 _PENALTY = 2.0
 """Largest penalty of violations of a path that is certified."""
 _FEWEST, _FRACTION = 2, 0.75
@@ -48,8 +48,8 @@ class GoalSearch:
     """Families of paths to a goal, and what certifies them.
 
     Attributes:
-        families: In the order in which they are tried.
-        certification: Of paths that are found.
+        families: Families in the order in which they are tried.
+        certification: Certification of paths that are found.
         progress: Called with the fraction done.
         failures: Motions to the goal that violate a limit.
         rejected: Paths to the goal that violate too much to be certified, with their families.
@@ -62,28 +62,28 @@ class GoalSearch:
     rejected: list[tuple[Quadratic, Relaxation]] = field(default_factory=list)
 
     def nearest(self) -> CertifiedMotion | None:
-        """Of the motions that violate a limit the one that does so least; None without any."""
+        """Of the motions that violate a limit, the motion that does so least; None without any."""
         return min(self.failures, key=_ratio, default=None)
 
     def nearest_ends(self, seed: int) -> list[Quadratic]:
-        """Paths without limits of shape, those that end nearest to the goal first."""
+        """Paths without limits of shape; paths that end nearest to the goal come first."""
         rng = np.random.default_rng(seed)
         family = replace(self.families[0].coarse, shapes=(), effort=SolverBudget())
         random = (random_path(family, rng) for _ in range(_RANDOM))
         weights, iterations = _STAGES[1]
-        found = [family.relaxed(family.with_duration(path), weights, iterations) for path in random]
-        for number, path in enumerate(found):
+        paths = [family.relaxed(family.with_duration(path), weights, iterations) for path in random]
+        for number, path in enumerate(paths):
             closed = family.closed(path.course.unknowns, weights)
             if closed is not None:
-                found[number] = family.linearized(closed, weights)
-        return sorted(found, key=lambda path: float(np.abs(path.error).sum()))
+                paths[number] = family.linearized(closed, weights)
+        return sorted(paths, key=lambda path: float(np.abs(path.error).sum()))
 
     def least_violations(self, paths: Sequence[Quadratic]) -> tuple[LimitResult, ...]:
-        """Violated limits along the one of some paths that comes nearest to keeping them."""
+        """Violated limits along that path, of some, that comes nearest to keeping them."""
         family, certification = self.families[0].coarse, self.certification
         motions = (certification.along(family, path.course.unknowns) for path in paths)
-        found = [violated(certification.checker.results(motion)) for motion in motions]
-        return min(found, key=lambda results: max((entry.ratio for entry in results), default=0.0))
+        limits = [violated(certification.checker.results(motion)) for motion in motions]
+        return min(limits, key=lambda results: max((entry.ratio for entry in results), default=0.0))
 
     def sketch(self, seed: int) -> Motion | None:
         """The motion along the most promising path of a coarse family; None without any."""
@@ -124,7 +124,7 @@ class GoalSearch:
         return self._of_rejected() if best is None else self._with_fewer_loops(*best)
 
     def _of_rejected(self) -> CertifiedMotion | None:
-        """Where no path was certified, the motion along the one that violates limits least."""
+        """Where no path was certified, the motion along the path that violates limits least."""
         if self.failures or not self.rejected:
             return None
         path, family = min(self.rejected, key=lambda rejected: rejected[0].penalty)
@@ -143,8 +143,8 @@ class GoalSearch:
             return []
         coarse, loops = family.coarse, family.paths.loops
         if loops > 1 and family.paths.closed:
-            one = _one_loop(coarse)
-            single = [one.relaxed(begin, *_STAGES[0]) for begin in starts(one, rng, _RANDOM)]
+            loop = _one_loop(coarse)
+            single = [loop.relaxed(begin, *_STAGES[0]) for begin in starts(loop, rng, _RANDOM)]
             single.sort(key=lambda path: path.promise)
             begins = [coarse.paths.repeated(path.course.unknowns) for path in single[:_REPEATED]]
         else:

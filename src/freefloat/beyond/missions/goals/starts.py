@@ -26,14 +26,14 @@ _FOLLOWED = 32
 """Most arm branches that are followed to the attitudes at which their straight ways end."""
 _CONFIGURATIONS, _DISTINCT = 1024, 0.3
 """Random configurations from which Newton's method leads a redundant arm to the goal's pose where
-its arm branches violate a limit there, and least difference of those that it finds [rad, m]."""
+its arm branches violate a limit there, and least difference of configurations found [rad, m]."""
 _ERROR, _TIME = 3.0, 0.05
-"""Weights of the error at the end [1/rad, 1/m] and of the duration over that of half a turn."""
+"""Weights of the error at the end [1/rad, 1/m] and of the duration over half a turn's duration."""
 _MEAN_SQUARE, _LOOK = TermWeights(1.0, 0.0), TermWeights(1.0, 1.0)
 _COMPARED_RESIDUAL = 1e-2
 """Residual of the end with which random paths are compared [rad, m]."""
 _CLOSED_PER_START = 2
-"""Random paths that are moved onto the goal for each of those that violate least."""
+"""Random paths that are moved onto the goal for each of the paths that violate least."""
 
 
 def starts(relaxation: Relaxation, rng: np.random.Generator, most: int) -> Iterator[Array]:
@@ -41,7 +41,7 @@ def starts(relaxation: Relaxation, rng: np.random.Generator, most: int) -> Itera
 
     Args:
         relaxation: The family of paths and the goal.
-        rng: Of the random paths.
+        rng: Generator of the random paths.
         most: Most random paths.
     """
     paths = relaxation.paths
@@ -51,8 +51,8 @@ def starts(relaxation: Relaxation, rng: np.random.Generator, most: int) -> Itera
     ends = _branches(relaxation, random[:_ATTITUDES])
     candidates = [_with_end(relaxation, blank, joints) for joints in ends]
     if not any(_keeps_end(relaxation, unknowns) for unknowns in candidates):
-        others = (_with_end(relaxation, blank, joints) for joints in _redundant(relaxation, rng))
-        kept = (unknowns for unknowns in others if _keeps_end(relaxation, unknowns))
+        ways = (_with_end(relaxation, blank, joints) for joints in _redundant(relaxation, rng))
+        kept = (unknowns for unknowns in ways if _keeps_end(relaxation, unknowns))
         candidates = list(islice(kept, _MOST_BRANCHES)) or candidates
     if paths.ends.end is not None and not paths.closed:
         candidates.append(blank)
@@ -64,7 +64,7 @@ def starts(relaxation: Relaxation, rng: np.random.Generator, most: int) -> Itera
 
 
 def _closed(relaxation: Relaxation, candidates: Sequence[Array]) -> Iterator[Array]:
-    """Unknowns near some whose paths end at the goal; none for those that do not come there."""
+    """Unknowns near some whose paths end at the goal; none for paths that do not come there."""
     for unknowns in candidates:
         closed = relaxation.closed(
             relaxation.with_duration(unknowns), _MEAN_SQUARE, accuracy=_COMPARED_RESIDUAL
@@ -112,7 +112,7 @@ def _branches(relaxation: Relaxation, others: Sequence[Array]) -> list[Array]:
     """Ends (n,) of straight ways to the goal's pose, the shortest first.
 
     They are the arm branches at the goal's attitude or, where this is free, at the present one and
-    those at the ends of other paths, each followed to the attitude at which its straight way ends.
+    attitudes at the ends of other paths, each followed to the attitude where its straight way ends.
     """
     paths, target = relaxation.paths, relaxation.target
     model, start, task = target.setting.model, paths.ends.start, target.task
@@ -152,7 +152,7 @@ def _redundant(relaxation: Relaxation, rng: np.random.Generator) -> list[Array]:
 
 
 def _distinct(relaxation: Relaxation, ends: Array, apart: float) -> list[Array]:
-    """Of ends (K, n) those inside the ranges and apart from nearer ones, the nearest first."""
+    """Ends, of (K, n), inside the ranges and apart from nearer ones, the nearest first."""
     start, (low, high) = relaxation.paths.ends.start, relaxation.ranges
     distinct: list[Array] = []
     for end in ends[np.argsort(np.abs(ends - start).max(axis=1))]:

@@ -79,7 +79,7 @@ class Target:
     def pose_at(self, t: float) -> Pose:
         """The pose of the end-effector at time t [s] from the centre of mass, inertial axes.
 
-        Of a target without pose that of the frame of the motion.
+        A target without pose has the pose of the frame of the motion.
         """
         origin = self.setting.origin(t)
         if self.pose is None:

@@ -26,7 +26,7 @@ _STEP = 1e-6
 _MARGIN = 2e-3
 """Margin of angles and deviations, for the instants between those that are looked at [rad, m]."""
 _MOST = 64
-"""Instants of a limit that count, the worst of those that are looked at."""
+"""Instants of a limit that count, the worst of the instants that are looked at."""
 _SCALE = 0.02
 """Violation that counts as one [rad, m]."""
 _WIDENED = PointingLimits.name, CorridorLimit.name, BaseTurnLimit.name
@@ -79,7 +79,7 @@ class StateLimits:
     Attributes:
         setting: Robot, scene and drift.
         limits: The limits.
-        attitude: Of the spacecraft at the start, unit quaternion x, y, z, w.
+        attitude: Attitude of the spacecraft at the start, unit quaternion x, y, z, w.
         margins: Margins of the limits with some names, which grow.
     """
 
