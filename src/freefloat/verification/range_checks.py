@@ -274,7 +274,7 @@ def _tolerance_check(
 def _keeps_from_nearby(evaluator: FeasibilityEvaluator, attitude: Array) -> BoolArray:
     """Which configurations near the ones tried at attitudes nearby keep the margin, shape (M,).
 
-    For attitudes (4,) at which no configuration tried there does.
+    They are followed to an attitude (4,).
     """
     if evaluator.problem.has_headings:
         angles = np.concatenate([_NEARBY, -_NEARBY])

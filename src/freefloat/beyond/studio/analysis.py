@@ -96,7 +96,7 @@ class Analysis(ABC):
         )
 
     def _wants_motion(self, state: WorkerState) -> bool:
-        """Whether a state has another attitude than the motion shown."""
+        """Whether a state has another attitude, or choice of it, than the motion shown."""
         return self._shown != (state.attitude, state.choice)
 
 

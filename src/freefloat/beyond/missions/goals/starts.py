@@ -26,14 +26,14 @@ _FOLLOWED = 32
 """Most arm branches that are followed to the attitudes at which their straight ways end."""
 _CONFIGURATIONS, _DISTINCT = 1024, 0.3
 """Random configurations from which Newton's method leads a redundant arm to the goal's pose where
-its arm branches violate a limit there, and least difference of configurations found [rad, m]."""
+its arm branches violate a limit there, and least difference of configurations and branches."""
 _ERROR, _TIME = 3.0, 0.05
 """Weights of the error at the end [1/rad, 1/m] and of the duration over half a turn's duration."""
 _MEAN_SQUARE, _LOOK = TermWeights(1.0, 0.0), TermWeights(1.0, 1.0)
 _COMPARED_RESIDUAL = 1e-2
 """Residual of the end with which random paths are compared [rad, m]."""
 _CLOSED_PER_START = 2
-"""Random paths that are moved onto the goal for each of the paths that violate least."""
+"""Random paths that are moved onto the goal for each of the most promising paths."""
 
 
 def starts(relaxation: Relaxation, rng: np.random.Generator, most: int) -> Iterator[Array]:
