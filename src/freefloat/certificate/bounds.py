@@ -66,9 +66,9 @@ class Intervals:
     """Intervals of one length.
 
     Attributes:
-        panels: The panel of each, shape (K,).
-        middles: Their middles, by the panel's parameter, shape (K,).
-        half: Half their length.
+        panels: Panel of each interval, shape (K,).
+        middles: Middles of the intervals, by the panel's parameter, shape (K,).
+        half: Half the length of the intervals.
     """
 
     panels: IntArray
@@ -76,7 +76,7 @@ class Intervals:
     half: float
 
     def halves_of(self, chosen: npt.NDArray[np.bool_]) -> Intervals:
-        """The halves of some of them."""
+        """The halves of some intervals."""
         shifts = np.array([-0.5, 0.5]) * self.half
         middles = (self.middles[chosen, None] + shifts).ravel()
         return Intervals(np.repeat(self.panels[chosen], 2), middles, self.half / 2.0)
@@ -106,9 +106,9 @@ def lower_bounds(motion: Motion, smallest: Mapping[str, float]) -> Bounds:
             count += len(todo.panels)
             if todo.half < _SHORTEST or count > _MOST:
                 return Bounds(dict.fromkeys(smallest, 0.0), 0)
-            found = part.bounds(todo)
-            high = np.all([found[name] >= _FRACTION * smallest[name] for name in found], axis=0)
-            for name, values in found.items():
+            lower = part.bounds(todo)
+            high = np.all([lower[name] >= _FRACTION * smallest[name] for name in lower], axis=0)
+            for name, values in lower.items():
                 bounds[name] = float(values[high].min(initial=bounds[name]))
             todo = todo.halves_of(~high)
     return Bounds(bounds, count)
@@ -166,11 +166,11 @@ class _Neighbourhood:
         inverse: Inverse of A0, shape (..., r, r) as the trend; other arrays have the shape (...).
         trend: A0^-1 times the slope of Â.
         half: Half the length of the intervals.
-        second_derivative: Bound on that of Â.
+        second_derivative: Bound on the second derivative of Â.
         size: Bound on the norm of X, nan where it may be too large.
         base: Number of columns of the spacecraft's rate.
         log: Logarithm of the magnitude of det A0.
-        locked: The same of D, its slope, and a bound on its remainder.
+        locked: Logarithm of det D, its slope, and a bound on its remainder.
     """
 
     inverse: Array
@@ -229,9 +229,9 @@ class _Neighbourhood:
         return np.asarray(log - self.half * np.abs(drift))
 
     def smallest_singular_value(self) -> Array:
-        """Lower bounds on those of S*: one over the norm of its inverse.
+        """Lower bounds on the smallest singular values of S*: one over the norm of its inverse.
 
-        That is the block of A^-1 of the joints' rows and the end-effector's columns, and
+        The inverse is the block of A^-1 of the joints' rows and the end-effector's columns, and
         A^-1 = A0^-1 - X A0^-1 + X^2 (I + X)^-1 A0^-1. Of the second term, t A0^-1 A' A0^-1 is exact
         and h^2 / 2 b bounds the rest between the blocks of A0^-1; the third is at most
         x^2 / (1 - x) times the norm of the end-effector's columns of A0^-1.

@@ -34,9 +34,9 @@ class CertifiedMinimum:
     """The smallest magnitude of a measure along a motion, and a proven lower bound.
 
     Attributes:
-        measure: Its name.
+        measure: Name of the measure.
         value: The smallest magnitude, by numerical search.
-        time: Its time [s].
+        time: Time of the smallest magnitude [s].
         bound: Lower bound of the magnitude everywhere; 0 where nothing is proven.
     """
 
@@ -52,7 +52,7 @@ class Worst:
 
     Attributes:
         value: The error.
-        time: Its time [s].
+        time: Time of the error [s].
     """
 
     value: float
@@ -65,9 +65,9 @@ class SecondIntegration:
 
     Attributes:
         attitude: Largest angle between the attitudes [rad].
-        attitude_time: Its time [s].
+        attitude_time: Time of the largest angle [s].
         joints: Largest difference of a joint [rad or m].
-        joints_time: Its time [s].
+        joints_time: Time of the largest difference [s].
         joint: Name of that joint.
         until: Time at which the comparison ends [s].
     """
@@ -85,7 +85,7 @@ class Certificate:
     """Margins and largest errors of a motion.
 
     Attributes:
-        minima: Those of |det S*| (``gjm``), of the smallest singular value (``sigma``) and of the
+        minima: Minima of |det S*| (``gjm``), of the smallest singular value (``sigma``) and of the
             measure of the margin.
         method: Method of the proof of bounds.
         intervals: Number of intervals of the proof.
@@ -96,7 +96,7 @@ class Certificate:
             where time nearly stands still, or in panels without motion.
         momentum_scale: Scale of that deviation [N m s]: the largest angular momentum of the arm
             on the path relative to the spacecraft, or the prescribed one if larger.
-        rates: Joint rates differentiated from the panels' polynomials, minus those of (4), relative
+        rates: Joint rates differentiated from the panels' polynomials, minus rates of (4), relative
             to the largest rate; not evaluated where time nearly stands still, or just before a
             singularity.
         integration: Comparison with a second integrator.
@@ -173,7 +173,7 @@ def _rate_errors(motion: Motion) -> Worst:
 
 
 def _regular_panels(motion: Motion) -> int:
-    """Number of panels without those just before a singularity."""
+    """Number of panels except the panels just before a singularity."""
     if motion.ending is not Ending.SINGULAR:
         return motion.panels
     left = motion.final.time - motion.times[:-1:DEGREE]

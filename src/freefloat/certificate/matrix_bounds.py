@@ -21,9 +21,9 @@ sqrt(2) |u| |v| at most. As the mu_i sum up to one, the weights of the pairs sum
 
     m_2 = (1 - sum_i mu_i^2) / 2.
 
-Where further arms move, w and L add up the rates and links of all arms, and the columns are those
-of the arms that follow paths. The norms of the rows of e end-effectors are sqrt(e) times those of
-one.
+Where further arms move, w and L add up the rates and links of all arms, and the columns belong to
+the arms that follow paths. The norms of the rows of e end-effectors are sqrt(e) times the norms of
+the rows of one.
 
 An inertia R I R^T is a product of two rotations; its isotropic part is constant, the rest counts
 with its Frobenius norm.
@@ -137,7 +137,7 @@ class ScaledSystem:
 
         Args:
             w: Bound on :meth:`joint_speed` of q'.
-            change: w', bound on that of q''.
+            change: w', bound on :meth:`joint_speed` of q''.
         """
         p1, p2, p3 = (k * (w * w + change) + k * (k - 1.0) * w * w for k in (1.0, 2.0, 3.0))
         D, Dq, L = self._locked * p2, self._moving * p3, self._length

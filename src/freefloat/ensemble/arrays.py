@@ -128,7 +128,7 @@ def _require_two_paths(problem: Problem, limits: AttitudeLimits) -> None:
 
 
 def _require_own_bodies(model: FreeFloatingModel, limits: AttitudeLimits) -> None:
-    """Raise an InputError if limits of attitude are those of bodies of further arms."""
+    """Raise an InputError if limits of attitude concern bodies of further arms."""
     for number, limit in enumerate(limits.pointing):
         if model.link_places[limit.body][0] > model.arm_dof:
             problem = f"{limit.body} is part of an arm that moves along a joint curve"

@@ -20,7 +20,7 @@ from freefloat.motion.problem import Problem
 from freefloat.so3 import Array
 
 _TOLERANCE = 1e-10
-"""A tenth of it is that of the steps."""
+"""Tolerance of motions; a tenth of it is the tolerance of the steps."""
 _PANEL_STEPS, _ERROR = 8, 1e-9
 """Most steps of a panel; largest last coefficients and differences through other steps [rad, m]."""
 
@@ -28,7 +28,7 @@ _PANEL_STEPS, _ERROR = 8, 1e-9
 def precise_motion(problem: Problem, attitude: Array, joints: Array) -> Motion:
     """A motion along the whole path, by the kernels where these can give it precisely.
 
-    The reference engine gives motions that end early, exactly up to their singularity, and those
+    The reference engine gives motions that end early, exactly up to their singularity, and motions
     with further arms on joint curves; see :func:`.integration.integrate_motion`.
     """
     motion = None if problem.robot_varies else _compiled(problem, attitude, joints)

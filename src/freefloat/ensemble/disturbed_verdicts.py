@@ -1,7 +1,7 @@
 """Many disturbed motions of one problem at once, each with the verdict of a precise motion.
 
-All motions are integrated in an ensemble. Those that end early, come near to a singularity or near
-to the threshold, or to limits that are given, are integrated once more with a tolerance
+All motions are integrated in an ensemble. Motions that end early, come near to a singularity or
+near to the threshold, or to limits that are given, are integrated once more with a tolerance
 of 1e-8, for planar tasks and redundant arms with 1e-10 at once. Where that changes the ending, the
 minimum is still too near to the threshold, or the motion passes a singularity very closely before
 it ends at one, a tolerance of 1e-10 follows, and where that changes the ending again, or the
@@ -72,12 +72,12 @@ class ManyMotions:
         endings: Codes of the endings, see :class:`.result.EnsembleResult`, shape (K,).
         ended_at: Final times [s], shape (K,).
         minimum_margins: Smallest magnitudes of the measure, zero where singular, shape (K,).
-        minimum_times: Their times [s], shape (K,).
+        minimum_times: Times of the smallest magnitudes [s], shape (K,).
         thresholds: The margins that are required, shape (K,).
         deciders: Indices into :data:`.endings.DECIDERS` of what decided, shape (K,).
         lower: Smallest joint values at the integrator's steps, or along the whole motion where
             limits were given, shape (K, n).
-        upper: Largest ones in the same way, shape (K, n).
+        upper: Largest joint values in the same way, shape (K, n).
         final_attitudes: Attitudes at the ends of the motions, shape (K, 4).
         rates: Largest magnitudes of the joint rates in the same way [rad/s or m/s], shape (K, n).
         base_rates: Largest magnitudes of the spacecraft's angular velocity [rad/s], shape (K,).
@@ -158,8 +158,8 @@ def integrate_disturbed(
 ) -> ManyMotions:
     """Integrate the motions that stand for disturbed ones; arguments as of ``simulate_many``.
 
-    Motions that keep ``limits`` are preferred to others, as by simulate; those near the bounds are
-    integrated strictly, too.
+    Motions that keep ``limits`` are preferred to others, as by simulate; motions near the bounds
+    are integrated strictly, too.
     """
     problem = disturbed.problem
     starts = starts_at(problem, attitudes, branch, joints, disturbed.systems)
@@ -221,10 +221,10 @@ def _decided(
         integrator = EnsembleIntegrator(problem, threads, tolerance=tolerance, limits=attitude)
         found_at = np.full((len(starts[0]), columns), np.nan)
         options |= {"extremes": limits is not None, "moments": found_at}
-        found = integrator.integrate(*starts, **options)
+        result = integrator.integrate(*starts, **options)
         moments[chosen] = found_at
-        endings = np.where(found.endings == LIMITED, COMPLETED, found.endings).astype(np.int8)
-        return found._replace(endings=endings)
+        endings = np.where(result.endings == LIMITED, COMPLETED, result.endings).astype(np.int8)
+        return result._replace(endings=endings)
 
     def unclear(found: EnsembleResult, chosen: IntArray | slice, decider: int) -> BoolArray:
         """Which motions keep the margin, but may keep a limit or violate it."""
@@ -281,10 +281,10 @@ def _decide_precisely(
 
 
 def _best(owners: IntArray, motions: EnsembleResult, preferred: BoolArray, count: int) -> IntArray:
-    """Of the motions of each of ``count`` owners the one that simulate prefers; -1 without any.
+    """The motion of each of ``count`` owners that simulate prefers; -1 without any.
 
-    Preferred ones first, then completion, then the minimum margin; of nearly equal ones, such as
-    those of mirrored arm branches, the first.
+    Preferred motions first, then completion, then the minimum margin; of nearly equal motions, such
+    as motions of mirrored arm branches, the first.
     """
     completed = motions.endings == COMPLETED
     ranks = completed.astype(int) + (completed & preferred)

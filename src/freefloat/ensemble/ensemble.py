@@ -1,6 +1,6 @@
 """Integration of many motions of one problem by compiled code on all cores.
 
-Each motion agrees with that of :func:`~freefloat.motion.integration.integrate_motion` within the
+Each motion agrees with :func:`~freefloat.motion.integration.integrate_motion` within the
 tolerance and takes less than a hundredth of its time; results are summaries, without trajectories.
 States at common instants are recorded on panels, as precise motions have them.
 """
@@ -87,7 +87,7 @@ class EnsembleIntegrator:
 
         Args:
             attitudes: Initial attitudes, unit quaternions x, y, z, w, shape (K, 4).
-            joints: Initial joint values, with the end-effector on the path, shape (K, n). Those of
+            joints: Initial joint values, with the end-effector on the path, shape (K, n). Values of
                 further arms that move, behind the n of the arm, may be given, too.
             systems: Momenta, drifts and robots; the problem's when left out.
             starts: Initial times [s], shape (K,); 0 when left out.
@@ -101,7 +101,7 @@ class EnsembleIntegrator:
             moments: With ``extremes``, where the times of the extreme values [s] are written, shape
                 (K, 3 n + 1 + L): of the rate, the smallest and the largest value of each joint,
                 of the spacecraft's rate, then of the slacks.
-            steps: Of one motion, where its steps are written, see :class:`.records.Motions`.
+            steps: Array to write the steps of one motion to, see :class:`.records.Motions`.
             progress: Called with the fraction done, in [0, 1].
 
         Raises:
@@ -205,12 +205,12 @@ class RecordedMotions:
         completed = np.ones(count, dtype=bool)
         for start, end in zip(times[:-1].tolist(), times[1:].tolist(), strict=True):
             before = states[-1]
-            found = integrator.integrate(
+            result = integrator.integrate(
                 *before, disturbed.systems, starts=np.full(count, start), ends=np.full(count, end)
             )
-            completed &= found.endings == COMPLETED
+            completed &= result.endings == COMPLETED
             reached = completed[:, None]
-            after = zip((found.attitudes, found.joints), before, strict=True)
+            after = zip((result.attitudes, result.joints), before, strict=True)
             q, joint_values = (np.where(reached, new, old) for new, old in after)
             states.append((q, joint_values))
         q, joint_values = (np.stack(values, axis=1) for values in zip(*states, strict=True))
@@ -241,6 +241,6 @@ def _nodes(ends: Array, panels: int) -> Array:
     for start, end in zip([0.0, *ends[:-1]], ends, strict=True):
         number = max(1, int(np.ceil(panels * (end - start) / ends[-1])))
         edges.append(np.linspace(start, end, number + 1)[1:])
-    every = np.concatenate(edges)
+    grid = np.concatenate(edges)
     inside = (NODES[1:] + 1.0) / 2.0
-    return np.append(0.0, (every[:-1, None] + np.diff(every)[:, None] * inside).ravel())
+    return np.append(0.0, (grid[:-1, None] + np.diff(grid)[:, None] * inside).ravel())

@@ -32,8 +32,8 @@ _AMPLE = 1e9
 _MOST, _FEWEST = 512, 64
 """Largest and smallest number of attitudes whose arm branches a thread looks for at once."""
 _ATTITUDE_SIZE, _MOTION_SIZE, _JOINT_SIZE = 500, 200, 40
-"""Memory of a map for an attitude, for each of its motions, and for each joint of these, with the
-copies made of it [bytes]."""
+"""Memory of a map for an attitude, for each of its motions, and for each joint of a motion, with
+the copies made of it [bytes]."""
 Branch = int | IntArray | None
 """Number of an arm branch, or one for each attitude, shape (K,); None for the best of all."""
 
@@ -41,8 +41,8 @@ Branch = int | IntArray | None
 class FeasibilityEvaluator:
     """Integrator of the motions from many attitudes, which decides which keep the margin.
 
-    Arm branches without closed form, and the many motions of two arms, take far longer than those
-    of one arm; searches then divide their numbers of attitudes by ``sample_reduction``.
+    Arm branches without closed form, and the many motions of two arms, take far longer than the
+    motions of one arm; searches then divide their numbers of attitudes by ``sample_reduction``.
     """
 
     def __init__(
@@ -101,12 +101,12 @@ class FeasibilityEvaluator:
         """Integrate the motions along the path from many attitudes.
 
         Wrist-flipped branches 2 k and 2 k + 1 have the same motion: where both exist,
-        that of 2 k is integrated and the other derived from it.
+        the motion of 2 k is integrated and the other derived from it.
 
         Args:
             attitudes: Unit quaternions x, y, z, w, shape (K, 4).
-            branch: Only the arm branch with this number, or that of each attitude; all when left
-                out.
+            branch: Only the arm branch with this number, or a number for each attitude; all when
+                left out.
             stop_at_margin: Stop motions that violate the margin.
             extremes: As of ``EnsembleIntegrator.integrate``.
             progress: Called with the fraction done, in [0, 1].
@@ -240,13 +240,13 @@ def has_wrist_flipped_branches(problem: Problem) -> bool:
 def _flip_wrists(
     table: EnsembleResult, derived: BoolArray, integrated: Array, flipped: Array
 ) -> None:
-    """Replace results of branches 2 k by those of their wrist-flipped branches, in place.
+    """Replace results of branches 2 k by results of their wrist-flipped branches, in place.
 
     Args:
         table: Results, arrays of leading shape (K, B).
         derived: Which are changed, shape (K, B).
         integrated: Initial joint values of the integrated branches, shape (K, B, 6).
-        flipped: Those of the branches of the columns, shape (K, B, 6).
+        flipped: Initial joint values of the branches of the columns, shape (K, B, 6).
     """
     sign = np.ones(6)
     sign[_FLIPPED_JOINT] = -1.0

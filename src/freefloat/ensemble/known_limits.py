@@ -42,7 +42,7 @@ class LimitValues(NamedTuple):
 
     @classmethod
     def empty(cls, count: int, limits: int) -> LimitValues:
-        """Those that are unknown."""
+        """Values that are unknown."""
         ratios, times = np.full((2, count, limits), np.nan)
         places = np.zeros((count, limits), np.int64)
         return cls(ratios, times, places, np.zeros((count, limits), dtype=bool))
@@ -70,7 +70,7 @@ class _Entry(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class KnownLimits:
-    """Limits whose ratios ensembles know; joint ranges are those of the robot.
+    """Limits whose ratios ensembles know; joint ranges are the robot's.
 
     Attributes:
         model: The robot, whose arm follows the path.
@@ -118,12 +118,12 @@ class KnownLimits:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Their names in results."""
+        """Names of the limits in results."""
         return tuple(self._entries)
 
     @property
     def places(self) -> tuple[tuple[str, ...], ...]:
-        """Of each limit the joints, or other names, of its quantities."""
+        """Joints, or other names, of the quantities of each limit."""
         return tuple(entry.places for entry in self._entries.values())
 
     def values(

@@ -76,7 +76,7 @@ class EnsembleResult(NamedTuple):
         """Largest ratio of joint rates of arms on paths to limits, shape (K,).
 
         Args:
-            limits: Of all joints that move, those of arms on paths first [rad/s or m/s].
+            limits: Limits of all joints that move, joints of arms on paths first [rad/s or m/s].
         """
         return np.asarray((self.rates / limits[: self.rates.shape[-1]]).max(axis=-1))
 
@@ -136,12 +136,12 @@ class BranchResults:
         return np.where(self.exist, self.margins, np.nan)
 
     def and_others(self, *others: BranchResults) -> BranchResults:
-        """These results and those of other attitudes along as many arm branches."""
-        every = (self, *others)
-        columns = zip(*(part.motions for part in every), strict=True)
+        """These results and results of other attitudes along as many arm branches."""
+        parts = (self, *others)
+        columns = zip(*(part.motions for part in parts), strict=True)
         return BranchResults(
-            np.concatenate([part.attitudes for part in every]),
-            np.concatenate([part.joints for part in every]),
+            np.concatenate([part.attitudes for part in parts]),
+            np.concatenate([part.joints for part in parts]),
             EnsembleResult._make(map(np.concatenate, columns)),
         )
 
@@ -151,7 +151,7 @@ class BranchResults:
 
 
 def is_regular(determinant_ratios: Array) -> npt.NDArray[np.bool_]:
-    """Which motions avoid every singularity, also those at which the measure does not vanish.
+    """Which motions avoid every singularity, also singularities where the measure does not vanish.
 
     A motion may pass such a singularity at any distance. The attitudes whose motions meet it form
     surfaces that no sampling hits, but near them det S* becomes small: its minimum magnitude along

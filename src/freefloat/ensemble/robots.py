@@ -36,13 +36,13 @@ class Robots:
 
     Attributes:
         nominal: The model.
-        frames: Its link frames.
+        frames: Link frames of the model.
         base: Link frame 0 of each robot in its spacecraft frame, rows as in
             :class:`.LinkFrames`, shape (K, 4, 3).
         bodies: Mass, first moment and inertia of the bodies in their link frames, (K, 1 + n, 10).
-        numbers: Their numbers, shape (K,).
+        numbers: Numbers of the robots, shape (K,).
         model_of: Builds the model of the robot with a number.
-        offsets: How far from the nominal model's path those of the robots begin [m], inertial axes,
+        offsets: How far from the nominal model's path the robots' paths begin [m], inertial axes,
             shape (K, 3); None where all have the same path.
     """
 
@@ -72,8 +72,8 @@ class Robots:
             numbers: Numbers of the robots, shape (K,).
             model_of: Builds the model of the robot with a number.
             factors: Factors on mass and inertia of links, shape (K,), by name.
-            rows: Of links in their frames, as :func:`.inertial_row` returns them, shape (K, 10), by
-                name; the model's where left out.
+            rows: Rows of links in their frames, as :func:`.inertial_row` returns them, shape
+                (K, 10), by name; the model's where left out.
             mounts: Where all but the root link is mounted on it: the model's pose, and the
                 positions (K, 3) [m] and rotations (K, 3, 3) of the robots.
         """
@@ -150,9 +150,9 @@ class Robots:
         return suited
 
     def _are_planar(self, plane: Plane) -> BoolArray:
-        """Whose masses are symmetric about the plane of planar joints, shape (K,)."""
+        """Which robots have masses symmetric about the plane of planar joints, shape (K,)."""
         frames, _ = self._at_zero
-        axes = plane.axes.T @ self.frames.base[:3].T  # of frame 0 along those of the plane
+        axes = plane.axes.T @ self.frames.base[:3].T  # of frame 0 along the plane's axes
         rows = in_frame(self.bodies, axes @ frames[:, :3].swapaxes(1, 2), frames[:, 3] @ axes.T)
         height = (rows[..., 3].sum(axis=1) / rows[..., 0].sum(axis=1))[:, None]
         size = rows[..., 4:7].sum(axis=(1, 2))
@@ -226,8 +226,8 @@ class Robots:
         Args:
             frames: The link frames in frame 0, shape (1 + n, 4, 3).
         """
-        masses, own = self.bodies[..., 0].T, self.bodies[..., 1:4].T
-        turned = (frames[:, i].T[..., None] * own[i] for i in range(3))
+        masses, moments = self.bodies[..., 0].T, self.bodies[..., 1:4].T
+        turned = (frames[:, i].T[..., None] * moments[i] for i in range(3))
         return reduce(np.add, turned, frames[:, 3].T[..., None] * masses)
 
     @cached_property

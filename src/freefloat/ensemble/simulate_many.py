@@ -36,12 +36,12 @@ def simulate_many(
     """Integrate many disturbed motions of a problem and decide which keep the margin.
 
     Every argument is one value for all motions, or one for each of K. Results do not depend on the
-    number of motions, their order or the number of threads. Limits are not considered, nor those of
-    the problem; studies consider them.
+    number of motions, their order or the number of threads. Limits are not considered, not even
+    limits of the problem; studies consider them.
 
     Args:
         problem: Robot, path, momentum and margin without disturbances.
-        attitudes: Of the spacecraft at the start, quaternions x, y, z, w, shape (4,) or (K, 4).
+        attitudes: Initial attitudes of the spacecraft, quaternions x, y, z, w, (4,) or (K, 4).
         headings: For planar tasks, in their place: angles about the normal of the plane [rad].
         branch: Integrate the arm branch with this number.
         joints: Integrate the arm branch nearest to these joint values at each attitude, shape (n,);
@@ -52,7 +52,7 @@ def simulate_many(
         wheels: Momenta stored in wheels [N m s], likewise.
         drifts: Velocities of the centre of mass [m/s], likewise.
         durations: Durations of the path [s]; the time law is stretched.
-        scale_mass: Factors on mass and inertia of every link, or a map from links to those of each.
+        scale_mass: Factors on mass and inertia of every link, or a map from links to their factors.
             With such a map, configurations are found fast for one requested ``branch`` or
             ``joints`` alone; otherwise each robot's model is built.
         thresholds: Required margins; by default the problem's.

@@ -1,4 +1,4 @@
-"""Arm configurations at the starts of many motions: all, or those of the requested arm branch."""
+"""Arm configurations at the starts of many motions, of all arm branches or the requested one."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _REQUESTED = 0.3
 _NEWTON_STEPS = 12
 """Largest number of Newton's steps."""
 _FAR = 0.3
-"""Distance from the start beyond which a configuration may be that of another branch [rad, m]."""
+"""Distance from the start beyond which a configuration may belong to another branch [rad, m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +76,7 @@ def _starts_of_robot(
     joints: Array | None,
     offsets: Array | None = None,
 ) -> Starts:
-    """Those of the problem's robot; paths may have offsets, shape (K, 3)."""
+    """The arm of the problem's robot at the starts; paths may have offsets, shape (K, 3)."""
     same = offsets is None and len(attitudes) > 1 and bool((attitudes == attitudes[0]).all())
     same &= joints is None or joints.ndim == 1
     if same:
@@ -109,10 +109,10 @@ def _starts_of_robots(
     branch: int | None,
     joints: Array | None,
 ) -> Starts:
-    """Near the starts of the problem's robot; where these do not lead there, those of a model.
+    """Starts near the starts of the problem's robot; where these lead to none, starts of a model.
 
-    So are those of a redundant arm without joints, whose arm branches are others with another
-    robot.
+    A redundant arm without joints has starts of a model, too: its arm branches are others with
+    another robot.
     """
     count, offsets = len(attitudes), systems.start_offsets
     if joints is None and problem.redundant:
@@ -157,8 +157,8 @@ def _near_starts(
         position = position if moved is None else position + moved
     q, near = np.full(joints.shape, np.nan), np.zeros(joints.shape[:2], dtype=bool)
     newton, targets = Newton.of(problem.model, problem.task), (back @ position[..., None])[..., 0]
-    posed, others = (targets, back @ pose.rotation, rows, begun), robots.properties(problem)
-    q[rows, columns], residuals = newton.solved(*posed, _NEWTON_STEPS, robots=others)
+    posed, properties = (targets, back @ pose.rotation, rows, begun), robots.properties(problem)
+    q[rows, columns], residuals = newton.solved(*posed, _NEWTON_STEPS, robots=properties)
     far = np.abs(q[rows, columns] - begun).max(axis=1, initial=0.0) > _FAR
     near[rows, columns] = (residuals < CONVERGED) & ~far
     return q, np.asarray(near.all(axis=1))

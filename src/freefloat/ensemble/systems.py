@@ -36,8 +36,8 @@ class Systems:
         wheels: Momenta stored in wheels, spacecraft frame [N m s], likewise.
         drifts: Velocities of the centre of mass [m/s], likewise.
         robots: The robots; None for one of all.
-        offsets: From the start and the end of the problem's path, a line, to those of the paths,
-            inertial axes [m], shape (K, 2, 3); None for one path of all.
+        offsets: From the start and the end of the problem's path, a line, to the paths' starts and
+            ends, inertial axes [m], shape (K, 2, 3); None for one path of all.
     """
 
     momenta: Array = field(repr=False)
@@ -53,7 +53,7 @@ class Systems:
         return cls(momenta, problem.wheel_momentum, problem.path.drift)
 
     def __getitem__(self, chosen: BoolArray | IntArray | slice) -> Systems:
-        """Those of some motions, where every array is one for each."""
+        """The systems of some motions, where every array is one for each."""
         robots = None if self.robots is None else self.robots[chosen]
         offsets = None if self.offsets is None else self.offsets[chosen]
         return Systems(
@@ -61,7 +61,7 @@ class Systems:
         )
 
     def columns(self, count: int) -> Array:
-        """Momenta, those in wheels, drifts, and how much farther paths lead, of ``count`` motions.
+        """Momenta, wheel momenta, drifts, and how much farther paths lead, of ``count`` motions.
 
         Shape (K, 12).
 
@@ -88,7 +88,7 @@ class Systems:
 
     @property
     def start_offsets(self) -> Array | None:
-        """From the start of the problem's path to those of the paths [m], shape (K, 3)."""
+        """From the start of the problem's path to the starts of the paths [m], shape (K, 3)."""
         return None if self.offsets is None else self.offsets[:, 0]
 
     def path_of(self, problem: Problem, k: int) -> Problem:
@@ -102,8 +102,8 @@ class Systems:
     def problem_of(self, problem: Problem, k: int) -> Problem:
         """A problem with the system of motion k."""
         problem = self.path_of(problem, k)
-        own = (v if v.ndim == 1 else v[k] for v in (self.momenta, self.wheels, self.drifts))
-        system = System(problem.model, *own)
+        vectors = (v if v.ndim == 1 else v[k] for v in (self.momenta, self.wheels, self.drifts))
+        system = System(problem.model, *vectors)
         return problem.with_system(system)
 
 
@@ -113,8 +113,8 @@ class ScaledMotions:
 
     Attributes:
         problem: The nominal problem.
-        systems: Their momenta, drifts and robots, one for each motion.
-        stretches: Times of the disturbed motions over those of these, shape (K,).
+        systems: Momenta, drifts and robots of the motions, one for each.
+        stretches: Times of the disturbed motions over times of these motions, shape (K,).
         factors: Factors on all masses and inertias, which the systems do not have, shape (K,).
         scales: Factors on the ratios of the quantities of limits, see
             :attr:`.KnownLimits.places`, shape (K, Q).
@@ -136,7 +136,7 @@ class ScaledMotions:
 
     @property
     def magnifications(self) -> Array:
-        """Values of the measure along the disturbed motions over those of these, shape (K,)."""
+        """The measure along the disturbed motions over the measure along these, shape (K,)."""
         return np.asarray(self.factors**self.problem.margin.measure.mass_power)
 
     def problem_of(self, k: int) -> Problem:
@@ -145,7 +145,7 @@ class ScaledMotions:
 
     @property
     def turns_too_often(self) -> BoolArray:
-        """Whose systems would rotate more often than problems may, shape (K,)."""
+        """Which systems would rotate more often than problems may, shape (K,)."""
         return self.systems.revolutions(self.problem) > MAX_REVOLUTIONS
 
 
@@ -179,7 +179,7 @@ def equivalents(
         scale_mass: Factors on all masses and inertias, shape () or (K,).
         robots: K robots, without these factors; the problem's when left out.
         scales: Factors on the ratios of limits, shape (K, Q); 1 when left out.
-        offsets: Of the ends of a line, see :class:`.Systems`; none when left out.
+        offsets: Offsets of the ends of a line, see :class:`.Systems`; none when left out.
 
     Raises:
         InputError: If a value is not accepted, or a duration is given for a path in the frame of a

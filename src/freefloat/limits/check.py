@@ -23,9 +23,9 @@ def check_limits(motion: Motion, limits: Limits | None = None) -> tuple[LimitRes
     """The results of all limits along a motion, the scene's corridor and joint ranges first.
 
     Args:
-        motion: Along a path or with prescribed joints, which are compared with their ranges as they
-            are; see :func:`freefloat.motion.extrema.unwrapped`.
-        limits: The limits in addition to the joint ranges; those of its problem when left out.
+        motion: Motion along a path or with prescribed joints; joints are compared with their ranges
+            as they are; see :func:`freefloat.motion.extrema.unwrapped`.
+        limits: The limits in addition to the joint ranges; the problem's limits when left out.
 
     Raises:
         InputError: If there are not as many limits as joints.
@@ -60,7 +60,7 @@ class LimitChecker:
     """The limits of a robot and its scene, prepared for many motions, whatever moves the arm.
 
     Attributes:
-        limits: Those that apply, in the order in which they are checked.
+        limits: Limits that apply, in the order in which they are checked.
         pairs: The pairs of shapes that keep a clearance; None where there are none.
     """
 
@@ -105,7 +105,7 @@ class LimitChecker:
     def violations(self, motion: Motion, *, timed: bool = True) -> tuple[LimitResult, ...]:
         """The results of all violated limits, clearances as :meth:`results_unless_violated` has.
 
-        Those that depend on the speed may be left out.
+        Limits that depend on the speed may be left out.
         """
         checked = (limit for limit in self.limits if timed or not limit.exponent)
         return violated(limit.decide(motion) for limit in checked)
@@ -119,7 +119,7 @@ class Contact:
         bodies: Links that overlap, the one nearer to the spacecraft first, or a link and a body of
             the scene.
         depth: Penetration depth [m].
-        time: Its time [s].
+        time: Time of the contact [s].
         s: Path parameter at that time.
     """
 

@@ -1,7 +1,7 @@
 """The smallest distance between bodies along a motion, found by branch and bound.
 
 Between two configurations the distance of a pair changes by at most the path lengths of its joints
-times their levers; that of a pair with a body of the scene by those of the two bodies' frames.
+times their levers; for a pair with a body of the scene the two bodies' frames replace the joints.
 Intervals in which the distance may fall below the smallest one known are bisected until none is
 left, so that no contact between samples is missed.
 """
@@ -50,9 +50,9 @@ def joint_levers(pairs: CollisionPairs, strokes: Array) -> Array:
     """
     model, (first, second) = pairs.model, pairs.bodies.T
     reach = np.array([_reach(model, shape, strokes) for shape in pairs.shapes])
-    own = second <= model.dof
+    links = second <= model.dof
     between = np.zeros((len(first), model.dof), dtype=bool)
-    between[own] = model.moved_by[first[own]] ^ model.moved_by[second[own]]
+    between[links] = model.moved_by[first[links]] ^ model.moved_by[second[links]]
     revolute = reach[pairs.pairs].min(axis=1)
     return np.where(between, np.where(model.prismatic, 1.0, revolute), 0.0)
 
@@ -85,7 +85,7 @@ def _reach(model: FreeFloatingModel, shape: CollisionShape, strokes: Array) -> A
     lengths = steps + np.where(model.prismatic, strokes, 0.0)
     radius = np.linalg.norm(shape.points, axis=1).max()
     moved = np.vstack([model.moved_by, np.zeros(len(arm), dtype=bool)])
-    own = moved[min(shape.body, len(arm) + 1)]
+    chain = moved[min(shape.body, len(arm) + 1)]
     reach = np.empty(len(arm))
     for k, body in enumerate(arm, start=1):
         if k == shape.body:
@@ -95,7 +95,7 @@ def _reach(model: FreeFloatingModel, shape: CollisionShape, strokes: Array) -> A
             points = shape.points - pose.position
             reach[k - 1] = _from_axis(points, pose.rotation @ body.axis)
         else:
-            reach[k - 1] = radius + lengths[own ^ moved[k]].sum()
+            reach[k - 1] = radius + lengths[chain ^ moved[k]].sum()
     return reach
 
 
@@ -195,8 +195,8 @@ def _distances(motion: Motion, pairs: CollisionPairs, places: Array, pair: IntAr
 def _path_lengths(coefficients: Array, size: int) -> Array:
     """Bounds of the path lengths of vectors from the start of a motion to the ends of its parts.
 
-    In each part of a panel a speed is at most that at the faster end plus the largest acceleration
-    times half the part.
+    In each part of a panel a speed is at most the speed at the faster end plus the largest
+    acceleration times half the part.
 
     Args:
         coefficients: Chebyshev coefficients of the C components, shape (panels, 9, C).
@@ -221,9 +221,9 @@ def _path_lengths(coefficients: Array, size: int) -> Array:
 
 
 def _frame_path_lengths(motion: Motion, scene: Scene, edges: Array) -> Array:
-    """The same of the F frames of the robot's bodies and the scene's, at panel coordinates.
+    """Path length bounds of the F frames of the robot's and scene's bodies, at panel coordinates.
 
-    Inside panels frames follow the polynomials through their poses at the nodes, except those of
+    Inside panels frames follow the polynomials through their poses at the nodes, except frames of
     tumbling bodies, whose rate is bounded.
 
     Returns:

@@ -35,7 +35,7 @@ class CollisionShape:
         link: Name of the link or the body.
         body: The rigid body that it is part of: 0 is the spacecraft, k is moved by joint k; the
             bodies of a scene follow.
-        placement: Its frame in the body's frame, of a robot the joint frame.
+        placement: Frame of the shape in the body's frame, of a robot the joint frame.
         geometry: The coal geometry.
         points: Vertices of a polytope around it, in the body's frame [m], shape (V, 3).
     """
@@ -67,7 +67,7 @@ def all_shapes(owners: Iterable[OwnedShapes]) -> tuple[CollisionShape, ...]:
 
 
 def shapes_of_links(model: FreeFloatingModel, *, visuals: bool) -> tuple[OwnedShapes, ...]:
-    """Collision shapes of all links, with the errors of those that cannot be read, or too many.
+    """Collision shapes of all links, with errors of shapes that cannot be read, or too many.
 
     Args:
         model: The robot.
@@ -88,7 +88,7 @@ def shapes_of_links(model: FreeFloatingModel, *, visuals: bool) -> tuple[OwnedSh
 
 
 def shapes_of_bodies(scene: Scene, first: int) -> tuple[OwnedShapes, ...]:
-    """The same of the bodies of a scene, whose names are those of the links.
+    """Collision shapes of the bodies of a scene; names of bodies stand for names of links.
 
     Args:
         scene: The scene.

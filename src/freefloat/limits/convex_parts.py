@@ -96,10 +96,10 @@ class _MeshPart:
         return [_MeshPart(*half[:2]) for half in halves]
 
     def _sides(self, heights: Array) -> Iterator[Array]:
-        """Points on both sides of a plane whose hulls are those of the triangles there.
+        """Points on both sides of a plane whose hulls are the hulls of the triangles there.
 
         Args:
-            heights: Of the vertices above the plane [m], shape (V,).
+            heights: Heights of the vertices above the plane [m], shape (V,).
         """
         first, second = self._edges
         crossed = heights[first] * heights[second] < -(_TOUCHING**2)
@@ -135,7 +135,7 @@ class _MeshPart:
 
 
 def _hull(points: Array) -> Any:
-    """The convex hull of points; that of a thin plate where they lie in a plane."""
+    """The convex hull of points; the hull of a thin plate where they lie in a plane."""
     try:
         return scipy.spatial.ConvexHull(points)
     except scipy.spatial.QhullError:

@@ -103,7 +103,7 @@ def always_near(
 
 
 def uncompared_links(robot: RobotDescription) -> set[frozenset[str]]:
-    """Pairs of links that a joint that could move connects, and those that SRDF disables."""
+    """Pairs of links that a joint that could move connects, and pairs that SRDF disables."""
     connected = {frozenset((joint.parent, joint.child)) for joint in robot.joints if joint.moving}
     return connected | robot.disabled_pairs
 
@@ -113,7 +113,7 @@ def sampled_configurations(lower: Array, upper: Array) -> Iterator[Array]:
 
     Args:
         lower: Lower ends of the ranges [rad or m], shape (n,).
-        upper: Upper ends, likewise.
+        upper: Upper ends of the ranges, likewise.
     """
     low, high = np.where(np.isfinite([lower, upper]), [lower, upper], [[-np.pi], [np.pi]])
     for fraction in low_discrepancy(_CONFIGURATIONS, len(low)):

@@ -27,7 +27,7 @@ from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array, IntArray, frozen
 
 _DIVERGENCE = 1e3
-"""Ratio of a value at a singular end to those before it, from which rounding alone bounds it."""
+"""Ratio of a value at a singular end to values before it, from which rounding alone bounds it."""
 Bound = TypeVar("Bound")
 OFF: Literal["off"] = "off"
 """The value of a limit that does not apply although it would by default."""
@@ -44,7 +44,7 @@ def peak(motion: Motion, values: Function, nodes: Array | None = None) -> Extrem
     Args:
         motion: The motion.
         values: The functions.
-        nodes: Their values at the nodes of the motion, where they are known.
+        nodes: Values of the functions at the nodes of the motion, where they are known.
     """
     if not motion.panels:
         return Extremum(np.inf, 0, 0, -1.0)
@@ -150,7 +150,7 @@ class Limit(ABC, Generic[Bound]):
 
 
 class JointLimit(Limit[Bound]):
-    """A limit of every joint; ``unit`` is that of revolute joints.
+    """A limit of every joint; ``unit`` is the unit of revolute joints.
 
     Attributes:
         prismatic_unit: Unit of prismatic joints; empty where it is the same.
@@ -174,7 +174,7 @@ class MagnitudeLimit(JointLimit[Array]):
         Args:
             motion: The motion.
             values: The limited values, shape (K, n).
-            nodes: Those at the nodes of the motion, where they are known, (panels, nodes, n).
+            nodes: Values at the nodes of the motion, where they are known, (panels, nodes, n).
         """
         allowed = self.bound
 
@@ -197,12 +197,12 @@ class MagnitudeLimit(JointLimit[Array]):
 
 @dataclass(frozen=True)
 class Number:
-    """A number; that of an angle is in radians, and in scenario files in degrees.
+    """A number; an angle is in radians, and in scenario files in degrees.
 
     Attributes:
-        zero: Whether it may be zero.
-        most: The largest that is accepted.
-        angle: Whether it is an angle.
+        zero: Whether the number may be zero.
+        most: The largest number that is accepted.
+        angle: Whether the number is an angle.
     """
 
     zero: bool = False
@@ -273,7 +273,7 @@ class Axes:
     def require_applicable(
         self, key: str, value: tuple[PointingLimit, ...], model: FreeFloatingModel
     ) -> None:
-        """Raise an InputError that names a key unless the axes are those of a robot's links."""
+        """Raise an InputError that names a key unless the axes belong to a robot's links."""
         for number, axis in enumerate(value):
             axis.require_body(model, f"{key}.{number}.body")
 

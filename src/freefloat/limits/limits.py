@@ -18,7 +18,7 @@ from freefloat.so3 import Array
 
 @dataclass(frozen=True, eq=False)
 class Limits(AttitudeLimits):
-    """Limits in addition to the joint ranges of the URDF; None for those that do not apply.
+    """Limits in addition to the joint ranges of the URDF; None for limits that do not apply.
 
     Without limits of pointing ``pointing`` is empty. Contact is a limit also where no clearance is
     given: links with ``<collision>`` shapes that no joint connects, and bodies of the problem's
@@ -70,13 +70,13 @@ class Limits(AttitudeLimits):
 
     @property
     def without_timed(self) -> Limits:
-        """Those that do not depend on the speed along the path."""
+        """The limits that do not depend on the speed along the path."""
         timed: dict[str, Any] = {kind.name: None for kind in GIVEN if kind.exponent}
         return replace(self, **timed)
 
     @property
     def without_turn(self) -> Limits:
-        """Those of motions that are meant to turn the spacecraft: all but ``base_turn``."""
+        """The limits of motions that are meant to turn the spacecraft: all but ``base_turn``."""
         return replace(self, base_turn=None)
 
     def narrower(self, fraction: float) -> Limits:
@@ -100,26 +100,26 @@ class Limits(AttitudeLimits):
 
     @property
     def timed(self) -> bool:
-        """Whether any of them depends on the speed along the path."""
+        """Whether any limit depends on the speed along the path."""
         return self._has_exponents(1)
 
     @property
     def accelerated(self) -> bool:
-        """Whether any of them depends on accelerations along the path."""
+        """Whether any limit depends on accelerations along the path."""
         return self._has_exponents(2)
 
     def _has_exponents(self, least: int) -> bool:
-        given = (kind for kind in GIVEN if getattr(self, kind.name) is not None)
-        return any(kind.exponent >= least for kind in given)
+        kinds = (kind for kind in GIVEN if getattr(self, kind.name) is not None)
+        return any(kind.exponent >= least for kind in kinds)
 
 
 _FIELDS = [field.name for field in sorted(fields(Limits), key=lambda field: bool(field.kw_only))]
 GIVEN = tuple(kind for name in _FIELDS for kind in KINDS if kind.name == name)
-"""The limits that are attributes of :class:`Limits`, those of attitude last."""
+"""The limits that are attributes of :class:`Limits`, limits of attitude last."""
 
 
 def require_applicable(model: FreeFloatingModel, limits: AttitudeLimits) -> None:
-    """Raise an InputError unless limits are those of a robot's joints and links."""
+    """Raise an InputError unless limits belong to a robot's joints and links."""
     accepted = "Limits, such as Limits(base_rate=0.02), or load_scenario(...).limits()"
     require_type("limits", limits, Limits, accepted)
     for kind in GIVEN:
@@ -128,10 +128,10 @@ def require_applicable(model: FreeFloatingModel, limits: AttitudeLimits) -> None
 
 
 def limits_for(setting: Setting, given: Limits | None) -> Limits | None:
-    """The limits of motions in a setting: those that were given, else those that it carries.
+    """The limits of motions in a setting: the given limits, else the limits that it carries.
 
     Raises:
-        InputError: If they are not those of the robot's joints and links.
+        InputError: If they do not belong to the robot's joints and links.
     """
     limits = setting.limits if given is None else given
     if limits is None:

@@ -39,7 +39,7 @@ _TOUCHING = 1e-9
 class CollisionPairs:
     """Pairs of shapes on different bodies, and their distances.
 
-    Links that a joint connects are left out, moving or held, and those of SRDF's
+    Links that a joint connects are left out, moving or held, and links of SRDF's
     ``disable_collisions``. So are pairs of links at most the clearance apart in each of 1024
     sampled configurations; they are not checked and are named in :attr:`left_out`. Of the pairs
     whose distance is constant, because only held joints separate them, the nearest stands for all.
@@ -48,7 +48,7 @@ class CollisionPairs:
     Attributes:
         model: The robot.
         scene: The scene; without bodies the distances depend on the joints alone.
-        shapes: The shapes of the robot, then those of the scene.
+        shapes: The shapes of the robot, then the shapes of the scene.
         pairs: Indices of two shapes each, the first on the body nearer to the spacecraft, the
             second one perhaps on a body of the scene, (P, 2).
         clearance: The clearance [m].
@@ -72,7 +72,7 @@ class CollisionPairs:
             clearance: The clearance [m].
             scene: The scene.
             stated: Whether the clearance was asked for. Otherwise only ``<collision>`` shapes count
-                and those that cannot be used are left out; there may be no pair.
+                and shapes that cannot be used are left out; there may be no pair.
 
         Raises:
             ModelError: If a shape cannot be read, or there is no pair.
@@ -194,7 +194,7 @@ class CollisionPairs:
 
     @property
     def bodies(self) -> IntArray:
-        """Numbers of the bodies of both shapes, those of a scene after the robot's, (P, 2)."""
+        """Numbers of the bodies of both shapes, bodies of a scene after the robot's, (P, 2)."""
         return np.array([shape.body for shape in self.shapes])[self.pairs]
 
     @property
@@ -206,7 +206,7 @@ class CollisionPairs:
         return np.array(middles)[self.pairs], np.array(radii)[self.pairs]
 
     def _pairs_with_scene(self, robot: Sequence[CollisionShape]) -> list[tuple[int, int]]:
-        """Pairs of a shape of the robot and one of the scene, but those that may touch."""
+        """Pairs of a shape of the robot and a shape of the scene, but pairs that may touch."""
         bodies = self.scene.bodies
         may_touch = {(link, body.name) for body in bodies for link in body.touch_links}
         return [
@@ -217,7 +217,7 @@ class CollisionPairs:
         ]
 
     def _too_near(self, pairs: Sequence[Sequence[int]], held: HeldPairs) -> list[str]:
-        """What is said of pairs of links that are always too near, and of those held so."""
+        """What is said of pairs of links that are always too near, and of pairs held so."""
         compared = {self._name(pair) for pair in (*self.pairs, *held.compared)}
         near = {
             f"{name}: {'parts are ' if name in compared else ''}always too near"
@@ -251,7 +251,7 @@ class CollisionPairs:
         for first, second in pairs.tolist():
             geometry.addCollisionPair(pin.CollisionPair(first, second))
         data = geometry.createData()
-        for number in range(len(pairs)):  # those of Pinocchio begin where the last ones ended
+        for number in range(len(pairs)):  # requests of Pinocchio begin where the last ended
             data.distanceRequests[number] = coal.DistanceRequest()
         return geometry, data
 
@@ -292,7 +292,7 @@ def _without_shape(
 
 
 def _not_compared(scene: Scene) -> list[str]:
-    """What is said of a body that is held and another one."""
+    """What is said of a body that is held and another body."""
     return [
         f"{body.name} - {other.name}: a held body and another body are not compared"
         for body, other in itertools.product(scene.bodies, repeat=2)

@@ -34,7 +34,7 @@ ALONG = sorted(
 )
 """Limits that are checked one motion after the other, the slowest last."""
 _PANELS = 16, 64
-"""Least numbers of panels of motions, and of those whose torques these do not resolve."""
+"""Least numbers of panels of motions; the second where the first does not resolve torques."""
 _RESOLVED = 1e-5
 """Largest error of a ratio of torques, relative to the ratio."""
 _UNDECIDED = 1e-4
@@ -62,7 +62,7 @@ class RecordedLimits:
 
     @classmethod
     def of(cls, problem: Problem, limits: Limits, *, moved: bool) -> RecordedLimits:
-        """Those of a problem; contact is none unless a clearance is stated.
+        """The limits of a problem; contact is none unless a clearance is stated.
 
         Args:
             problem: The problem.
@@ -87,13 +87,13 @@ class RecordedLimits:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Their names in results."""
+        """Names of the limits in results."""
         torque = () if self.joint_torque is None else (JointTorqueLimit.name,)
         return *torque, *(limit.name for limit in self.along)
 
     @cached_property
     def places(self) -> tuple[tuple[str, ...], ...]:
-        """Of each limit the joints, or other names, of its quantities."""
+        """Joints, or other names, of the quantities of each limit."""
         joints = self.problem.model.joint_names
         torque = () if self.joint_torque is None else (joints,)
         return *torque, *(limit.places(self.problem) for limit in self.along)
@@ -103,7 +103,7 @@ class RecordedLimits:
     ) -> LimitValues:
         """The limits along motions from attitudes (K, 4) and joints (K, n).
 
-        Those that cannot be decided are not certain. The scales of torques are the last columns of
+        Limits that cannot be decided are not certain. The scales of torques are the last columns of
         ``disturbed.scales``; the other limits have none.
         """
         values = LimitValues.empty(len(disturbed), len(self.names))
@@ -111,8 +111,8 @@ class RecordedLimits:
         for panels in _PANELS[: 1 if self.joint_torque is None else 2]:
             starts = attitudes[missing], joints[missing]
             recorded = RecordedMotions.of(disturbed[missing], *starts, panels, threads)
-            found, resolved = self._along(recorded, threads)
-            for array, part in zip(values, found, strict=True):
+            results, resolved = self._along(recorded, threads)
+            for array, part in zip(values, results, strict=True):
                 array[missing] = part
             missing = missing[~resolved & recorded.completed]
             if not len(missing):
@@ -163,7 +163,7 @@ class LargestTorques(NamedTuple):
 
     Attributes:
         values: The magnitudes [N m or N], shape (K, n).
-        times: Their times [s], shape (K, n).
+        times: Times of the magnitudes [s], shape (K, n).
         errors: Estimated errors of the magnitudes, shape (K, n).
     """
 
@@ -175,8 +175,8 @@ class LargestTorques(NamedTuple):
 def largest_torques(recorded: RecordedMotions, threads: int) -> LargestTorques:
     """The largest torques along recorded motions of robots with one moving arm.
 
-    Torques depend on the states and their derivatives by time, those of the panels' polynomials.
-    The acceleration of the base is the one without an external force.
+    Torques depend on the states and their derivatives by time, found from the panels' polynomials.
+    The base accelerates as it does without an external force.
     """
     torques = _torques(recorded, threads)
     shown = np.abs(_TO_POINTS @ torques)  # (K, P, 65, n)
@@ -212,7 +212,7 @@ def _torques(recorded: RecordedMotions, threads: int) -> Array:
     states = [np.concatenate(parts, axis=-1) for parts in each]
     disturbed = recorded.disturbed
     model, robots = disturbed.problem.model, disturbed.systems.robots
-    threads = threads if robots is None else 1  # those that wait for others would take time
+    threads = threads if robots is None else 1  # waiting threads would take time
     free = slice(2 if model.on_table else 3)  # the base does not rise from a table
     pool = pin.ModelPool(model.pin_model, threads)
     torques = np.empty(joints.shape)

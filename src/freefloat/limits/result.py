@@ -63,7 +63,7 @@ class LimitResult:
 
     @property
     def bound(self) -> float:
-        """The bound on the side of the value: that of a negative rate or torque is negative."""
+        """The bound on the side of the value: negative for a negative rate or torque."""
         return -self.allowed if self._negative_magnitude else self.allowed
 
     @property

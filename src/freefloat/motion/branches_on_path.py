@@ -18,7 +18,7 @@ from freefloat.rotations import rotation_matrix
 from freefloat.so3 import Array, IntArray, frozen
 
 _NEAR_BRANCH, _SAME_JOINTS = 0.05, 1e-6
-"""Largest differences of joint values from those of a near branch, and of the same [rad, m]."""
+"""Largest differences of joint values from a near branch, and from the same branch [rad, m]."""
 
 
 class BranchesOnPath(Setting):
@@ -49,9 +49,9 @@ class BranchesOnPath(Setting):
         branch: int | IntArray | None = None,
         offsets: Array | None = None,
     ) -> BranchSets:
-        """The same for many attitudes (K, 4); ``offsets`` as of :meth:`poses_seen_from`.
+        """Arm configurations for many attitudes (K, 4); ``offsets`` as of :meth:`poses_seen_from`.
 
-        With the number of an arm branch, or of one for each attitude (K,), others may be missing.
+        With the number of an arm branch, or one for each attitude (K,), others may be missing.
         """
         at = self.model_at(t), *self.poses_seen_from(attitudes, t, offsets), self.task
         if self.start_joints is not None and t == 0.0:
@@ -66,8 +66,8 @@ class BranchesOnPath(Setting):
     ) -> tuple[Array, Array]:
         """Positions (K, 3) and rotations (K, 3, 3) of the path relative to attitudes (K, 4).
 
-        Where E arms follow paths, those of all, (E, K, 3) and (E, K, 3, 3). With one path, it may
-        have an offset in the inertial frame for each attitude [m], shape (K, 3).
+        Where E arms follow paths, the arrays of all paths, (E, K, 3) and (E, K, 3, 3). A single
+        path may have an offset in the inertial frame for each attitude [m], shape (K, 3).
         """
         seen = [pose.seen_from_each(attitudes) for pose in self.path.poses(t)]
         if len(seen) > 1:
@@ -111,9 +111,9 @@ class BranchesOnPath(Setting):
         if self.redundant:
             poses = self.poses_seen_from(np.asarray(attitude)[None])
             (q,) = newton_solutions(self.model_at(), *poses, self.task, values)
-            given = ArmBranch(MAX_BRANCHES, GIVEN, frozen(q))
-            if np.isfinite(q).all() and self.nearest(values, [given]):
-                near = self.nearest(q, branches, _SAME_JOINTS) or given
+            start = ArmBranch(MAX_BRANCHES, GIVEN, frozen(q))
+            if np.isfinite(q).all() and self.nearest(values, [start]):
+                near = self.nearest(q, branches, _SAME_JOINTS) or start
         if near is not None:
             return near
         problem = f"{values.tolist()} is near no arm branch at this attitude"

@@ -70,7 +70,7 @@ def minimum(values: Array, f: Function | None = None) -> Extremum:
     """The smallest value that any of several functions takes along a motion.
 
     Args:
-        values: Their values at the nodes of every panel, see :func:`at_nodes`.
+        values: Values of the functions at the nodes of every panel, see :func:`at_nodes`.
         f: The functions; left out where they are the polynomials through ``values``.
     """
     if not np.isfinite(values).all():
@@ -94,7 +94,7 @@ def maximum(values: Array, f: Function | None = None) -> Extremum:
 def _first_below(values: Array, f: Function, level: float) -> float | None:
     """Panel coordinate at which a continuous function first falls below a level, or None.
 
-    ``values`` are those at the nodes of every panel, shape (panels, 9, 1).
+    ``values`` are the values at the nodes of every panel, shape (panels, 9, 1).
     """
     if values[0, 0, 0] < level:
         return 0.0
@@ -120,8 +120,8 @@ def _first_below(values: Array, f: Function, level: float) -> float | None:
 def _stationary(values: Array, level: float) -> list[Extremum]:
     """Minima inside panels that may lie below a level.
 
-    They are those of the polynomials through the values at the nodes (panels, 9, c); their error is
-    estimated from their last coefficients.
+    They are minima of the polynomials through the values at the nodes (panels, 9, c); their error
+    is estimated from the last coefficients of the polynomials.
     """
     coefficients = np.einsum("in,knc->kic", TO_COEFFICIENTS, values)
     lowest = np.einsum("gi,kic->kgc", _GRID, coefficients).min(axis=1)
@@ -146,7 +146,7 @@ def _stationary(values: Array, level: float) -> list[Extremum]:
 def _refined(f: Function, candidates: Sequence[Extremum]) -> list[Extremum]:
     """The minima of the functions themselves between the nodes around each of C candidates.
 
-    They are those of the polynomials through values at nodes in intervals, which become smaller.
+    They are found with polynomials through values at nodes in intervals, which become smaller.
     """
     if not candidates:
         return []
@@ -159,12 +159,12 @@ def _refined(f: Function, candidates: Sequence[Extremum]) -> list[Extremum]:
     for _ in range(_ROUNDS):
         places = (low + high)[:, None] / 2.0 + (high - low)[:, None] / 2.0 * NODES
         values = f(np.repeat(panel, len(NODES)), places.ravel()).reshape(*places.shape, -1)
-        own = values[rows, :, index]
-        least = own.argmin(axis=1)
-        lower = own[rows, least] < value
-        value = np.where(lower, own[rows, least], value)
+        samples = values[rows, :, index]
+        least = samples.argmin(axis=1)
+        lower = samples[rows, least] < value
+        value = np.where(lower, samples[rows, least], value)
         x = np.where(lower, places[rows, least], x)
-        along = np.einsum("gi,ci->cg", _FINE @ TO_COEFFICIENTS, own).argmin(axis=1)
+        along = np.einsum("gi,ci->cg", _FINE @ TO_COEFFICIENTS, samples).argmin(axis=1)
         middle = (low + high) / 2.0 + (high - low) / 2.0 * _FINE_GRID[along]
         width = (high - low) / len(_FINE_GRID)
         low, high = np.maximum(middle - width, first), np.minimum(middle + width, last)
@@ -180,7 +180,7 @@ class ClosestApproach:
         measure: Name of the measure.
         value: The magnitude; zero where the measure changes sign.
         sign: Sign of the measure at the start, 1 or -1.
-        time: Its time [s].
+        time: Time of the smallest magnitude [s].
     """
 
     measure: str

@@ -57,8 +57,8 @@ def integrate_motion(
     """Integrate the motion along the path from an attitude and an arm configuration.
 
     The motion ends where the path does, or exactly where the arm becomes dynamically singular:
-    where det S* changes sign or the rates by time grow beyond all bounds. That of a redundant arm
-    also ends at the first step in which time practically stands still.
+    where det S* changes sign or the rates by time grow beyond all bounds. The motion of a redundant
+    arm also ends at the first step in which time practically stands still.
 
     Args:
         problem: Robot, path and momentum.
@@ -278,7 +278,7 @@ def _reversal(
 ) -> float | None:
     """Where time runs back inside a step at whose ends it does not; None where it does not.
 
-    The interpolated time of a rough step may fall although that of the curve does not.
+    The interpolated time of a rough step may fall although the time of the curve does not.
     """
     nodes = start + (stop - start) * (NODES + 1.0) / 2.0
     for k in np.flatnonzero(sign * np.diff(dense(nodes)[0]) < 0.0):

@@ -18,7 +18,7 @@ from freefloat.so3 import Array, frozen
 
 DEGREE = 3
 _SPAN = 1e-9
-"""Deviation of a curve's duration from that of the path, as a fraction of it."""
+"""Deviation of a curve's duration from the path's duration, as a fraction of the latter."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -214,7 +214,7 @@ class ArmCurves:
         return ArmCurves({name: curve.stretched(factor) for name, curve in self.curves.items()})
 
     def require_applicable(self, model: FreeFloatingModel, duration: float) -> None:
-        """Raise an InputError unless the curves are those of a model's arms, of a duration [s]."""
+        """Raise an InputError unless curves belong to a model's arms and last a duration [s]."""
         if list(self.curves) != list(model.arms):
             problem = f"curves of {', '.join(self.curves) or 'no arm'} were given"
             accepted = f"curves of {', '.join(model.arms) or 'no arm'}"

@@ -36,7 +36,7 @@ def integrate_spline(law: JointLaw, attitude: Array) -> Motion:
 
     Quaternions are polynomials in each panel that satisfy (8c) at its points (collocation), found
     by Picard's iteration; what depends on the joints alone is computed for all points at once. The
-    attitude is that of the spacecraft at the start, a unit quaternion x, y, z, w.
+    spacecraft has the attitude at the start, a unit quaternion x, y, z, w.
 
     Raises:
         IntegrationError: If the spacecraft turns too fast for the panels.
@@ -85,9 +85,9 @@ def _attitudes(
             h = Rotation.from_quat(quaternions).inv().apply(momentum)
             omega = own + np.einsum("kij,kj->ki", inverse_D, h)
         rates = (np.tensordot(quaternions, _BY_RATE, 1) @ omega[:, :, None])[..., 0]  # (8c)
-        found = first + half * (_INTEGRALS @ rates)
-        change = np.abs(found - quaternions).max()
-        quaternions = found
+        integrated = first + half * (_INTEGRALS @ rates)
+        change = np.abs(integrated - quaternions).max()
+        quaternions = integrated
         if change < _CONVERGED:
             return quaternions
     return None

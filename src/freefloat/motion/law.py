@@ -50,9 +50,9 @@ class Rates(NamedTuple):
 class PathLaw:
     """The end-effector follows the path of a problem: rates solve equation (4).
 
-    Accelerations solve its time derivative. The joint rates of a redundant arm, and those of the
-    task ``pointing``, are differentiated along the motion by central differences of fourth order,
-    which holds for every redundancy resolution.
+    Accelerations solve its time derivative. The joint rates of a redundant arm, and joint rates for
+    the task ``pointing``, are differentiated along the motion by central differences of fourth
+    order, which holds for every redundancy resolution.
 
     Functions of a state take its time [s], the attitude of the spacecraft, a unit quaternion x, y,
     z, w, the joints (n,), and the segment of the time law, see
@@ -120,7 +120,7 @@ class PathLaw:
         change: tuple[Array, Any],
         further: tuple[Array, Array] | None = None,
     ) -> Forces:
-        """The same for an end-effector twist with ds/dt, and for their derivatives.
+        """Rates, accelerations and forces for an end-effector twist, ds/dt and their derivatives.
 
         Further arms that move have given joint rates and accelerations.
         """
@@ -168,7 +168,7 @@ class PathLaw:
 class JointLaw:
     """The joints are prescribed, and no path of the end-effector.
 
-    The joints of a state are those of the curve at its time.
+    The curve gives the joints of a state at its time.
 
     Attributes:
         setting: Robot, momentum and scene.

@@ -120,7 +120,7 @@ class Motion:
 
     @property
     def outcome(self) -> str:
-        """How it ended, in a sentence."""
+        """How the motion ended, in a sentence."""
         return self.law.followed if self.completed else self.ending.value
 
     @derived

@@ -37,9 +37,9 @@ def with_slopes(c: Array, panel: IntArray, x: Array) -> tuple[IntArray, Array, A
     """Values and derivatives by time of panels' polynomials, except where time stands still.
 
     Args:
-        c: Chebyshev coefficients, those of time first, shape (panels, 9, c).
+        c: Chebyshev coefficients, coefficients of time first, shape (panels, 9, c).
         panel: Panels of K points.
-        x: Their parameters, shape (K,).
+        x: Parameters of the points, shape (K,).
 
     Returns:
         Indices of the points at which time passes, shape (M,), the values there and their

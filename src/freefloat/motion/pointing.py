@@ -87,7 +87,7 @@ class PointingLimit:
             object.__setattr__(self, "point", point)
 
     def title(self, number: int) -> str:
-        """Its name, or its link and its number among the limits of pointing."""
+        """Name of the limit, or its link and its number among the limits of pointing."""
         return self.name or f"{self.body} (pointing.{number})"
 
     def narrower(self, fraction: float) -> PointingLimit:
@@ -112,8 +112,8 @@ class PointingLimit:
     ) -> tuple[Array, Array]:
         """The axis and the direction of the target in a configuration, inertial unit vectors.
 
-        The origin (..., 3) is that of the path's frame from the centre of mass [m]; for K attitudes
-        and joints there are K vectors, (K, 3).
+        The origin (..., 3) of the path's frame is relative to the centre of mass [m]; for K
+        attitudes and joints there are K vectors, (K, 3).
         """
         number, placement = model.link_places[self.body]
         local = placement.rotation @ self.axis
@@ -172,7 +172,7 @@ class AttitudeLimits:
 
     @property
     def number(self) -> int:
-        """Number of these limits, those of axes first."""
+        """Number of these limits, limits of axes first."""
         return len(self.pointing) + (self.base_turn is not None)
 
     @property
@@ -182,10 +182,10 @@ class AttitudeLimits:
         return ("pointing",) * len(self.pointing) + turn
 
     def ratios(self, slacks: Array) -> Array:
-        """Angles over those of the limits, for axes outside of cones the inverse, shape (..., L).
+        """Angles over the limits' angles, for axes outside of cones the inverse, shape (..., L).
 
         Args:
-            slacks: Differences of cosines to the bounds, of the turn those of half the angles,
+            slacks: Differences of cosines to the bounds, of the turn cosines of half the angles,
                 negative where they are violated, shape (..., L).
         """
         bounds = np.array([limit.angle for limit in self.pointing])

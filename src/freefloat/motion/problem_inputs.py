@@ -33,7 +33,7 @@ MAX_REVOLUTIONS = 50
 
 
 def model_of(value: Any, end_effector: str | None) -> FreeFloatingModel:
-    """A robot, or the one of a URDF with an end-effector.
+    """A robot, or the robot of a URDF with an end-effector.
 
     Raises:
         InputError: If the URDF is no robot, or a robot has another end-effector already.
@@ -47,7 +47,7 @@ def model_of(value: Any, end_effector: str | None) -> FreeFloatingModel:
 
 
 def path_of(value: Any, duration: float | None) -> TimedPath:
-    """A path with its timing, or one of a path or curve that is followed from rest to rest [s].
+    """A path with its timing; a path or curve without timing is followed from rest to rest [s].
 
     Raises:
         InputError: If it is no path, or the duration is missing or given twice.
@@ -58,8 +58,8 @@ def path_of(value: Any, duration: float | None) -> TimedPath:
         return value
     path = EndEffectorPath(value) if isinstance(value, Curve) else value
     if not isinstance(path, EndEffectorPath):
-        given = "it is missing" if value is None else f"{type(value).__name__} was given"
-        raise InputError("path", given, _PATH)
+        problem = "it is missing" if value is None else f"{type(value).__name__} was given"
+        raise InputError("path", problem, _PATH)
     if duration is None:
         raise InputError("duration", "it is missing", "the duration of the path [s]")
     return TimedPath(path, Timing(duration))
@@ -170,7 +170,7 @@ def revolutions(
 ) -> Array:
     """How often systems rotate along a path, shape (...).
 
-    Angular momenta and those stored in wheels [N m s] have the shape (..., 3), mean moments of
+    Angular momenta and momenta stored in wheels [N m s] have the shape (..., 3), mean moments of
     inertia [kg m²] and durations of the path [s] the shape (...).
     """
     magnitudes = np.linalg.norm(momenta, axis=-1) + np.linalg.norm(wheels, axis=-1)

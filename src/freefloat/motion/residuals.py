@@ -71,7 +71,7 @@ def start_offset(
 
 
 def _pose_errors(problem: Problem, poses: Pose, path: Pose) -> Array:
-    """Distances and angles (K, 2) between poses of an end-effector and those of its path."""
+    """Distances and angles (K, 2) between poses of an end-effector and poses of its path."""
     task, rows = problem.task, problem.task.rows
     offsets = poses.position - path.position
     if task is Task.POINTING:
@@ -92,7 +92,7 @@ def momentum_errors(
     """Deviations (K,) from the prescribed angular momentum [N m s] in panels, at their parameters.
 
     States are time, attitude, joints and base position at the nodes of panels, shape
-    (panels, 9, 8 + n); the duration is that of the whole motion [s].
+    (panels, 9, 8 + n); the whole motion has the duration [s].
     """
     scale = np.ones(states.shape[2] - 3)
     scale[0] = duration

@@ -19,7 +19,7 @@ def scene_poses(
 
 
 def corridor_pose(motion: Motion, t: float | Array, attitude: Array, joints: Array) -> Pose:
-    """The frame of the corridor; arguments are those of :func:`scene_poses`."""
+    """The frame of the corridor; arguments are as for :func:`scene_poses`."""
     return motion.setting.scene.corridor_pose(t, motion.setting, _hand(motion, t, attitude, joints))
 
 

@@ -27,7 +27,7 @@ from freefloat.so3 import Array, frozen, unit_quaternion
 class Setting:
     """A robot with its momentum, its limits and the bodies around it.
 
-    A :class:`.Problem` adds a path, which a :class:`JointSetting` lacks. Attributes are those of
+    A :class:`.Problem` adds a path, which a :class:`JointSetting` lacks. The attributes are as in
     :class:`.Problem`.
     """
 
@@ -87,11 +87,11 @@ class Setting:
         return bool(self.arms)
 
     def solved_joints(self, joints: Array) -> Array:
-        """Values or rates (..., dof) that equation (4) solves for, of all joints or of these."""
+        """Values or rates (..., dof) that (4) solves for, of all joints or of the solved joints."""
         return joints[..., : self.dof] if joints.shape[-1] == self.model.dof else joints
 
     def joints_at(self, t: float | Array, joints: Array) -> Array:
-        """Values (..., n) of all joints at times (...) [s], for those that (4) solves for."""
+        """Values (..., n) of all joints at times (...) [s], for joints that (4) solves for."""
         return np.concatenate([self.solved_joints(joints), self.arms.at(t)], axis=-1)
 
     def model_at(self, t: float = 0.0) -> FreeFloatingModel:
@@ -116,13 +116,13 @@ class Setting:
         return bool(self.drift.any())
 
     def origin(self, t: float | Array) -> Array:
-        """Place of the centre of mass at time zero, from that at times t [s], [m], (..., 3)."""
+        """Place of the centre of mass at time zero from its place at times t [s], [m], (..., 3)."""
         return np.multiply.outer(t, -self.drift)
 
     def replace(self, **changes: Any) -> Self:
-        """The same with other attributes, checked again.
+        """A copy with other attributes, checked again.
 
-        With another model or task, the margin has the measure of these, unless it is given.
+        With another model or task, the margin has their measure, unless a margin is given.
 
         Example:
             >>> problem = ff.load_scenario("planar_2dof/line").problem()
@@ -173,7 +173,7 @@ class Setting:
 class JointSetting(Setting):
     """The setting of motions whose joints are prescribed.
 
-    Attributes are those of :class:`.Problem`; ``task`` and ``margin`` say which measure is shown,
+    Attributes are as in :class:`.Problem`; ``task`` and ``margin`` say which measure is shown,
     without a smallest magnitude, and the scene is seen from the centre of mass at the start.
     """
 

@@ -52,7 +52,7 @@ class PhaseResult:
         name: Name of the phase.
         kind: ``path``, ``goal`` or ``capture``.
         result: What was found.
-        start: Time at which it begins, that of the first path being zero [s].
+        start: Time at which the phase begins; the first path begins at zero [s].
         centre: Centre of mass at this time in the frame of the manoeuvre [m], shape (3,).
     """
 
@@ -67,7 +67,7 @@ class PhaseResult:
 
     @property
     def motion(self) -> Motion | None:
-        """Its motion; None for a capture, and where none was found."""
+        """Motion of the phase; None for a capture, and where none was found."""
         return self.result.motion
 
     @property
@@ -77,7 +77,7 @@ class PhaseResult:
 
     @property
     def feasible(self) -> bool:
-        """Whether it succeeds and keeps margin and limits."""
+        """Whether the phase succeeds and keeps margin and limits."""
         return self.result.feasible
 
     @property
@@ -159,10 +159,10 @@ class Answer:
 
         None without contact.
         """
-        found = list[Contact]()
+        contacts = list[Contact]()
         for phase in self.phases:
             motion = phase.motion
             contact = None if motion is None else deepest_contact(motion, phase.limit_results)
             if contact is not None:
-                found.append(replace(contact, time=phase.start + contact.time))
-        return max(found, key=lambda contact: contact.depth, default=None)
+                contacts.append(replace(contact, time=phase.start + contact.time))
+        return max(contacts, key=lambda contact: contact.depth, default=None)

@@ -32,7 +32,7 @@ class Candidate:
         object.__setattr__(self, "attitude", frozen(self.attitude))
 
     def is_near(self, others: Sequence[Candidate], angle: float) -> bool:
-        """Whether it is within an angle [rad] of any other candidate of the same arm branch."""
+        """Whether the attitude is within an angle [rad] of any candidate of the same arm branch."""
         attitudes = [other.attitude for other in others if other.branch == self.branch]
         distances = angle_between(np.reshape(attitudes, (-1, 4)), self.attitude)
         return bool((distances < angle).any())
@@ -163,7 +163,7 @@ class SearchEffort:
 
     Attributes:
         samples: Deviations spread in the ball and on its sphere.
-        descents: Searches for worse ones, from the worst of these, at most.
+        descents: Searches for worse deviations, from the worst samples, at most.
     """
 
     samples: int
@@ -187,8 +187,8 @@ class Tolerance:
             and all singularities are avoided, by the rule of the robust radius [N m s].
         momentum_limit: The largest deviation tried [N m s]: it rotates the locked system once
             during the motion. ``momentum`` equal to it means at least that.
-        shortest: Shortest duration with which the same rule is kept, of those around the planned
-            one [s].
+        shortest: Shortest duration with which the same rule is kept, of durations around the
+            planned one [s].
         longest: Longest such duration [s]. Durations from a tenth to ten times the planned one are
             tried; without momentum and drift all of them are feasible.
         momentum_effort: What the tolerated deviation of momentum was confirmed against.

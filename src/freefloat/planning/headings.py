@@ -63,7 +63,7 @@ def feasible_ranges(
     known: tuple[float, ...],
     progress: Progress | None = None,
 ) -> tuple[tuple[BranchRanges, ...], tuple[Segment, ...]]:
-    """The ranges, which contain those known headings [rad] that are feasible, and the segments."""
+    """The ranges, which contain the known headings [rad] that are feasible, and the segments."""
     problem = evaluator.problem
     segments: tuple[Segment, ...] = ()
     if has_exact_ranges(problem):
@@ -119,7 +119,7 @@ def heading_depth(
 def _exact_ranges(
     problem: Problem, domain: SearchDomain, known: tuple[float, ...]
 ) -> tuple[tuple[BranchRanges, ...], tuple[Segment, ...]]:
-    """Ranges at the start in a domain, and of all headings those of the segments between rests."""
+    """Ranges at the start in a domain, and, of all headings, ranges of segments between rests."""
     duration = problem.path.duration
     rests = [0.0, *(stop.t for stop in problem.path.timing.stops), duration]
     spans = list(pairwise(rests))

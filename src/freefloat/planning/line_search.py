@@ -26,7 +26,7 @@ _SECTIONS = 8
 _ROUNDS = 6
 """Rounds of divisions and bisections, at most."""
 Function = Callable[[Array, IntArray], tuple[Array, BoolArray]]
-"""Slacks (M, R) at points (M,) of the lines of these numbers (M,), and which are kept, (M,)."""
+"""Slacks (M, R) at points (M,) of lines with numbers (M,), and which points are kept, (M,)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +45,7 @@ class LineSamples:
     kept: BoolArray
 
     def and_others(self, points: Array, slacks: Array, kept: BoolArray) -> LineSamples:
-        """These and other samples, which replace those at the same points."""
+        """These and other samples, which replace samples at the same points."""
         together = np.concatenate([self.points, points])
         order = np.argsort(together, kind="stable")
         order = order[np.append(np.diff(together[order]) > 0.0, True)]
@@ -150,8 +150,8 @@ def _bisected(
         tried = inside[:, None] + (outside - inside)[:, None] * steps
         _, kept = function(tried.ravel(), np.repeat(numbers, len(steps)))
         kept = kept.reshape(tried.shape)
-        every = np.column_stack([inside, tried, outside])
+        points = np.column_stack([inside, tried, outside])
         last = np.where(kept.all(axis=1), len(steps), np.argmin(kept, axis=1))
         rows = np.arange(len(inside))
-        inside, outside = every[rows, last], every[rows, last + 1]
+        inside, outside = points[rows, last], points[rows, last + 1]
     return inside, outside

@@ -1,4 +1,4 @@
-"""States of a spatial arm on its path, and those of them on the margin surface S = S0.
+"""States of a spatial arm on its path, and the states on the margin surface S = S0.
 
 For an elbow arm with a spherical wrist the wrist centre, the paper's point 3, follows from the path
 (36). At given first two joint angles its distance from the centre of mass relates q3 to time, and
@@ -144,7 +144,7 @@ class StatesOnPath:
         return self._solver.rates(attitudes, joints, twists)
 
     def slopes(self, t: Array, attitudes: Rotation, joints: Array) -> Array:
-        """Rates dS/dt of (14) along motions through states, (K,); NaN where those are singular."""
+        """Rates dS/dt of (14) along motions through states, (K,); NaN for singular states."""
         slopes, known = np.full(len(t), np.nan), np.isfinite(joints).all(axis=1)
         q = joints[known]
         rates = self._rates(t[known], attitudes.as_quat()[known], q)[1]

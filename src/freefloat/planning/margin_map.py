@@ -1,4 +1,4 @@
-"""Minimum margins of many motions: what maps have in common, and those over headings."""
+"""Minimum margins of many motions: what maps have in common, and margins over headings."""
 
 from __future__ import annotations
 
@@ -32,11 +32,11 @@ class MarginMap:
         problem: The problem.
         results: Results of the motions, in a row for each attitude and a column for each branch.
         search: Objective and domain of the search; the attitudes are in the domain.
-        limits: Limits of which those of pointing and of the spacecraft's turn were considered.
+        limits: Limits; limits of pointing and of the spacecraft's turn were considered.
         seconds: Computing time [s].
 
     Raises:
-        InputError: If the results are not those of the robot.
+        InputError: If the results do not belong to the robot.
     """
 
     problem: Problem = field(repr=False)
@@ -156,7 +156,7 @@ class HeadingMap(MarginMap):
     """Minimum margins over initial headings, arm branch by arm branch.
 
     Attributes:
-        headings: Evenly spread [rad], shape (N,).
+        headings: Evenly spread headings [rad], shape (N,).
         branches: Numbers of the arm branches, which are the columns of the results, shape (B,).
     """
 

@@ -26,7 +26,7 @@ from freefloat.planning.settings import Search
 from freefloat.so3 import Array, frozen
 
 _SAME_BRANCH = 1e-6
-"""Distance of joints from those of their arm branch [rad, m]."""
+"""Distance of joints from the joints of their arm branch [rad, m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,7 +152,7 @@ def evaluator_for(
 def evaluator_near(evaluator: FeasibilityEvaluator, joints: Array) -> FeasibilityEvaluator:
     """The evaluator of motions like one that begins with joints (n,), to which tolerances belong.
 
-    A redundant arm begins where Newton's method leads from them; other arms in their branch.
+    A redundant arm begins where Newton's method leads from the joints; other arms in their branch.
     """
     problem = evaluator.problem
     if not problem.redundant or problem.start_joints is not None:

@@ -31,16 +31,16 @@ class Choices(Protocol):
     """
 
     def largest_margins(self) -> Sequence[Candidate]:
-        """Those with locally largest minimum margins."""
+        """Candidates with locally largest minimum margins."""
 
     def largest_merits(self) -> Sequence[Candidate]:
-        """Those with locally largest merits."""
+        """Candidates with locally largest merits."""
 
     def deepest(self) -> Sequence[Candidate]:
-        """Those deepest inside the feasible set, with the radius of the ball around them."""
+        """Candidates deepest inside the feasible set, with the radius of the ball around them."""
 
     def nearest(self) -> Sequence[Candidate]:
-        """Those nearest to ``from_attitude`` that keep the margin within ``spare``, if any."""
+        """Candidates nearest to ``from_attitude`` that keep the margin within ``spare``, if any."""
 
     def present(self) -> Sequence[Candidate]:
         """``from_attitude`` itself, with arm branches that keep the margin there, if any."""
@@ -56,10 +56,10 @@ class Objective(ABC):
     One that ranks motions by :meth:`merits` needs nothing else than its words.
 
     Attributes:
-        name: The word that names it in scenario files; empty where other data do.
+        name: The word that names the objective in scenario files; empty where other data do.
         criterion: What it asks for, in reasons.
         measures_turn: Whether its merits need the largest turn of the spacecraft along motions.
-        compares_motions: Whether its merits are those of each motion alone, whatever the others.
+        compares_motions: Whether a merit depends on its motion alone, whatever the other motions.
         compared: Number of candidates within limits whose robust radii are compared.
         approaches: Whether it looks for an attitude near ``from_attitude``, which must be given,
             that keeps the margin within ``spare``.
@@ -74,7 +74,7 @@ class Objective(ABC):
 
     @property
     def document(self) -> str | dict[str, Any]:
-        """Its name, or its data, in scenario files and JSON documents."""
+        """Name of the objective, or its data, in scenario files and JSON documents."""
         return self.name
 
     @abstractmethod
@@ -84,7 +84,7 @@ class Objective(ABC):
         Args:
             compared: What the motions are compared by.
             attitudes: Attitudes from which they begin, quaternions x, y, z, w, shape (K, 4).
-            motions: Their results, of leading shape (K, B).
+            motions: Results of the motions, of leading shape (K, B).
         """
 
     def ranks(self, compared: Comparison, attitudes: Array, motions: EnsembleResult) -> Ranks:
@@ -100,9 +100,9 @@ class Objective(ABC):
         return f"{self.criterion}, {margin}"
 
     def limited_reason(self, deviation: float | None, among: str, margin: str) -> str:
-        """Why an attitude was chosen ``among`` those that keep margin and limits.
+        """Why an attitude was chosen ``among`` attitudes that keep margin and limits.
 
-        It is at an angle [rad] from ``from_attitude``, where that is given.
+        The attitude is at an angle [rad] from ``from_attitude``, where that is given.
         """
         return f"{self.criterion} {among}, {margin}"
 
@@ -116,7 +116,7 @@ class Comparison:
         present: Present attitude of the spacecraft, x, y, z, w, where it is known.
         limits: Limits in addition to the margin; None without.
         evaluator: Evaluator of the motions.
-        margins: Minimum margins of some of them; the largest is the unit of margins.
+        margins: Minimum margins of some motions; the largest is the unit of margins.
     """
 
     objective: Objective
@@ -138,7 +138,7 @@ class Comparison:
     def __call__(self, attitudes: Array, motions: EnsembleResult) -> Array:
         """The merits (K, B) of motions from attitudes (K, 4).
 
-        They are -inf for infeasible motions and for those that pass a singularity closely, though
+        They are -inf for infeasible motions and for motions that pass a singularity closely, though
         the measure does not vanish there: near it the rates are large.
         """
         eligible = motions.keeps(self.threshold) & is_regular(motions.determinant_ratios)

@@ -56,8 +56,8 @@ class Nearest(Objective):
 
     def candidates(self, choices: Choices) -> Sequence[Candidate]:
         """The nearest attitudes; where none has enough around it the present or the deepest."""
-        found = choices.nearest()
-        return found if found or not choices.spare else choices.present() or choices.deepest()
+        nearest = choices.nearest()
+        return nearest if nearest or not choices.spare else choices.present() or choices.deepest()
 
     def reason(self, candidate: Candidate, spare: float, margin: str) -> str:
         """See :class:`Objective`."""

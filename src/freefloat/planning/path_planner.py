@@ -172,7 +172,7 @@ def _surveyed(evaluator: FeasibilityEvaluator, search: Search, progress: Progres
 
 
 def _integrated(evaluator: FeasibilityEvaluator, candidate: Candidate) -> SimulatedBranch:
-    """The precise motion of a candidate; of a redundant arm that of its best branch."""
+    """The precise motion of a candidate; of a redundant arm the motion of its best branch."""
     branch = candidate.branch
     if branch is None:
         branch, _ = best_branch(evaluator, candidate.attitude)

@@ -51,7 +51,7 @@ class Searches:
 
     Attributes:
         points: Shape (K, D).
-        merits: Their merits, shape (K,).
+        merits: Merits of the points, shape (K,).
         groups: Searches of a group, which may end each other, have the same number, shape (K,).
     """
 
@@ -78,8 +78,8 @@ class Clouds:
         """The points (A, M, D) of pattern ``number`` around others, and their distances (A, M).
 
         Args:
-            points: Those in the middle, shape (A, D).
-            previous: Those in the middle before, shape (A, D).
+            points: Points in the middle, shape (A, D).
+            previous: Points in the middle before, shape (A, D).
             sizes: Largest distances, shape (A,).
             number: Varies the pattern.
         """
@@ -117,7 +117,7 @@ class Turns(Clouds):
 
 
 class ConePattern(Clouds):
-    """Vectors in directions around those of others, shorter or as long."""
+    """Vectors in directions around the directions of others, shorter or as long."""
 
     def around(
         self, points: Array, previous: Array, sizes: Array, number: int
@@ -142,7 +142,7 @@ class ConePattern(Clouds):
         return vectors.reshape(len(points), -1, 3), steps.reshape(len(points), -1)
 
     def superseded(self, searches: Searches, sizes: Array) -> BoolArray:
-        """See :class:`Clouds`: those near a better one, or too long to become as short."""
+        """See :class:`Clouds`: searches near a better one, or too long to become as short."""
         lengths = np.linalg.norm(searches.points, axis=1)
         units = searches.points / lengths[:, None]
         near = units @ units.T > np.cos(_SAME_POINT * sizes)[:, None]
@@ -160,7 +160,7 @@ def pattern_search(
 ) -> Searches:
     """The searches with points of larger merits, by at most so many rounds of evaluations.
 
-    The first patterns have a size (that of each search, where there are several); those smaller
+    The first patterns have a size (one for each search, where there are several); patterns smaller
     than ``finest`` end a search.
     """
     best, merits = np.array(searches.points), np.array(searches.merits)
@@ -210,7 +210,7 @@ def shortest(
 
 
 def spread(vectors: Array, count: int) -> Array:
-    """The shortest of some vectors, and others in directions far from those taken before.
+    """The shortest of some vectors, and others in directions far from the ones taken before.
 
     All are among the shortest ``10 * count``.
     """

@@ -170,7 +170,7 @@ class PathState(NamedTuple):
         position: Position of point 3 [m], shape (...).
         velocity: Velocity of point 3 [m/s], shape (...).
         last: Angle of the end-effector [rad], shape (...).
-        last_rate: Its rate [rad/s], shape (...).
+        last_rate: Rate of that angle [rad/s], shape (...).
     """
 
     position: Complex
@@ -184,7 +184,7 @@ class PlanarCandidates:
 
     Attributes:
         arm: The arm.
-        curves: Its margin curves.
+        curves: Margin curves of the arm.
         duration: Duration of the path [s].
         plane: Plane of the arm.
         timing: Timing of the path.
@@ -272,7 +272,7 @@ class PlanarCandidates:
 
 
 def _instants(timing: Timing) -> Array:
-    """Times of a path: even between rests, dense near those, and the ends of segments."""
+    """Times of a path: even between rests, dense near rests, and the ends of segments."""
     rests = [t for t in timing.ends if abs(timing.s(t, 1)) * timing.duration < _REST]
     edges = np.unique([0.0, *rests, timing.duration])
     fractions = np.concatenate([_NEAR_REST, np.linspace(0, 1, _TIMES + 1)[1:-1], 1.0 - _NEAR_REST])

@@ -36,7 +36,7 @@ def plan(
     Args:
         problem: Robot, path, momentum and margin.
         search: What to choose; the largest minimum margin when left out.
-        limits: Limits to keep in addition to the margin, and joint ranges with them; those of the
+        limits: Limits to keep in addition to the margin, and joint ranges with them; limits of the
             problem when left out.
         stretch: Whether the duration may grow until rates and torques keep their limits.
         tolerances: Whether the robust radius and the tolerances of momentum and duration are

@@ -226,7 +226,7 @@ def none_completes(
 ) -> str:
     """That no motion ``tried``, such as ``"none of 24 headings"``, completes the path, and why.
 
-    Endings are those of arm branches, shape (K, B); the last singularity, which ends the longest
+    Endings belong to arm branches, shape (K, B); the last singularity, which ends the longest
     motion, is given where it is known.
     """
     within = " within its limits" if (endings == LIMITED).any() else ""
@@ -236,7 +236,7 @@ def none_completes(
 def ending_fractions(endings: npt.NDArray[np.int8], last: SingularEvent | None = None) -> str:
     """How attitudes fail: by the arm branch that gets farthest.
 
-    Arguments are those of :func:`none_completes`.
+    Arguments are as for :func:`none_completes`.
     """
     latest = ""
     if last is not None:

@@ -41,7 +41,7 @@ _ANGLE_ERROR = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class SearchDomain:
-    """All attitudes, or those within an angle of one of them.
+    """All attitudes, or attitudes within an angle of one of them.
 
     Attributes:
         centre: Quaternion x, y, z, w.
@@ -53,16 +53,16 @@ class SearchDomain:
 
     @property
     def whole(self) -> bool:
-        """Whether it has all attitudes."""
+        """Whether the domain has all attitudes."""
         return self.radius >= np.pi
 
     @property
     def fraction(self) -> float:
-        """Its fraction of all attitudes in space."""
+        """Fraction of all attitudes in space that the domain has."""
         return ball_fraction(self.radius)
 
     def contains(self, attitudes: npt.ArrayLike) -> npt.NDArray[np.bool_]:
-        """Which attitudes (..., 4) belong to it, shape (...)."""
+        """Which attitudes (..., 4) belong to the domain, shape (...)."""
         return np.asarray(angle_between(attitudes, self.centre) <= self.radius + _ANGLE_ERROR)
 
     def attitudes(self, count: int, seed: int = 0) -> Array:
@@ -208,7 +208,7 @@ class Search:
         return attitude, joints
 
     def applied_to(self, problem: Problem) -> Problem:
-        """The problem, with :attr:`joints` as those that the arm starts near.
+        """The problem, with :attr:`joints` as the joints that the arm starts near.
 
         Raises:
             InputError: If attitude or joints do not suit it.
@@ -233,7 +233,7 @@ def require_radians(model: FreeFloatingModel, joints: Array) -> None:
 def branch_changes(problem: Problem, known: Sequence[float] = ()) -> list[float]:
     """Headings [rad] at which another arm branch becomes the closest to the present joints.
 
-    Also those next to headings that are known, however near each other.
+    Also changes next to headings that are known, however near each other.
     """
 
     def closest(headings: npt.NDArray[np.floating]) -> IntArray:

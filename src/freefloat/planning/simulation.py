@@ -115,12 +115,12 @@ def simulate(
             chosen, see :class:`Simulation`.
         joints: Integrate the branch near these joint values, shape (n,).
         others: Integrate the other branches, too, for comparison with the requested one.
-        limits: Check these limits, by default those of the problem, and the joint ranges.
+        limits: Check these limits, by default the problem's limits, and the joint ranges.
         stop_at_margin: End motions where they reach the problem's margin.
         tolerance: As for :func:`~freefloat.motion.integration.integrate_motion`.
 
     Raises:
-        InputError: If there is no such branch, or the limits are not those of the robot's joints.
+        InputError: If there is no such branch, or the limits do not belong to the robot's joints.
         ModelError: If a clearance is required and the robot's shapes cannot be used.
         UnreachableError: If no arm configuration reaches the start of the path.
 

@@ -56,7 +56,7 @@ def touch_points(
 
     Inside the path the motion is tangent to the margin surface (Case I: (14) and (15), for planar
     arms (27)); at an end it begins or ends on it (Case II: (15) and (16)). A planar arm has
-    finitely many touch points. Those of a spatial arm (Section VI) form surfaces, and two angles
+    finitely many touch points. Touch points of a spatial arm (Section VI) form surfaces; two angles
     select from them: ``q1`` and ``q2`` in Case I, ``q1`` and ``roll`` in Case II. Maxima of the
     magnitude are left out. Whether a motion through a touch point keeps the margin elsewhere is
     decided by :func:`boundary_attitude`.
@@ -70,7 +70,7 @@ def touch_points(
         problem: A planar problem whose S depends on two joint angles, or a pose task of an elbow
             arm with a spherical wrist.
         q1: First joint angle of a spatial arm [rad].
-        q2: Its second joint angle [rad].
+        q2: Second joint angle of a spatial arm [rad].
         roll: Rotation of the spacecraft about the direction of point 3 (36) [rad], from an
             arbitrary zero.
         level: Signed S0; both signs of the problem's margin when left out.
@@ -236,7 +236,7 @@ def _points_at_end(
 ) -> Iterator[TouchPoint]:
     """Touch points; (15) and (16) are solved from where S - S0 changes sign on a curve.
 
-    States are those of places (q2, q3), shape (K, 2), at the time of an end and with first joint
+    States belong to places (q2, q3), shape (K, 2), at the time of an end and with first joint
     angle, roll and sign of the wrist as given.
     """
     (kind, t), (q1, roll, wrist) = end, given

@@ -45,7 +45,7 @@ class TwoAngleDeterminant:
     Attributes:
         coefficients: S is the imaginary part of the sum over x and y of
             ``coefficients[x, y] exp(i (x q1 + y q2))`` with x and y from -2 to 2, shape (5, 5);
-            those of y = 2 and -2 cancel.
+            coefficients of y = 2 and -2 cancel.
     """
 
     coefficients: Complex
@@ -125,7 +125,7 @@ class MarginCurve:
         level: S0; zero for singularity curves.
         first: Whether it is (22a), whose singularities lie in the path-dependent area A, not (22b),
             whose singularities lie in B.
-        whole: Whether q1 takes all values; otherwise both ends are also those of the other
+        whole: Whether q1 takes all values; otherwise both ends are also ends of the other
             solution.
         joints: q1 and q2 along the curve [rad], continuous, shape (K, 2).
         radii: Distance of point 3 from the centre of mass [m], shape (K,).
@@ -150,7 +150,7 @@ class MarginCurve:
 def margin_curves(problem: Problem, *levels: float) -> tuple[MarginCurve, ...]:
     """The curves S(q1, q2) = S0 of (22a, b): singularity curves I and II, margin curves III and IV.
 
-    Of an elbow arm with a spherical wrist they are those of S(q2, q3) (40).
+    Of an elbow arm with a spherical wrist they are the curves of S(q2, q3) (40).
 
     Args:
         problem: A planar problem whose S depends on two joint angles, or a pose task of an elbow
@@ -234,11 +234,11 @@ def _curve(
     def extreme(sign: float) -> float:
         k = int(np.argmin(sign * radii))
         around = places[max(k - 1, 0)], places[min(k + 1, count - 1)]
-        found = scipy.optimize.minimize_scalar(
+        result = scipy.optimize.minimize_scalar(
             lambda u: sign * abs(point_3(arm, joints(np.array([u])))[0]), bounds=around,
             method="bounded", options={"xatol": _EXACT},
         )  # fmt: skip
-        return sign * min(float(found.fun), sign * float(radii[k]))
+        return sign * min(float(result.fun), sign * float(radii[k]))
 
     covered = extreme(1.0), extreme(-1.0)
     return MarginCurve(level, first, whole, frozen(q), frozen(radii), covered)

@@ -58,15 +58,15 @@ class Workspace:
         reach: Smallest and largest distance.
         path_dependent: Intervals where S can vanish, inner to outer; None if unknown.
         path_independent: Intervals where S cannot vanish, inner to outer; None if unknown.
-        exact: Whether the ends of the areas are exact. Others are those of shells, each of half a
+        exact: Whether the ends of the areas are exact. Others are ends of shells, each of half a
             percent of the reach: S vanishes somewhere in each path-dependent one, and is proven not
             to vanish in the path-independent ones.
         largest_s: Largest S found in the joint space.
         smallest_s: Smallest S found in the joint space.
         undecided: Intervals of which neither is proven.
-        area_a: Of exact areas the path-dependent ones of singularity curve I, the paper's PDW A;
-            empty for others.
-        area_b: Likewise those of singularity curve II, PDW B.
+        area_a: Path-dependent areas of singularity curve I, the paper's PDW A; empty unless areas
+            are exact.
+        area_b: Path-dependent areas of singularity curve II, PDW B, likewise.
         path: Intervals of s along the path, in order, each with whether it lies in a path-dependent
             area, None in an undecided one; ends accurate to 1e-3. Empty if the areas are unknown.
     """
@@ -122,12 +122,12 @@ def workspace_regions(problem: Problem) -> Workspace:
 
 
 def regions_of(setting: Setting) -> Workspace:
-    """Reach and areas as of :func:`workspace_regions`, without those of the path."""
+    """Reach and areas as of :func:`workspace_regions`, without areas along the path."""
     return exact_workspace(setting) or _general_workspace(setting)
 
 
 def exact_workspace(setting: Setting) -> Workspace | None:
-    """Reach and areas where S depends on two joint angles alone, without those of the path.
+    """Reach and areas where S depends on two joint angles alone, without areas along the path.
 
     These are planar arms with as many revolute joints as the task has rows and, for pose tasks,
     elbow arms with a spherical wrist that have the measure ``arm``. The areas of the latter are
@@ -161,7 +161,7 @@ def exact_workspace(setting: Setting) -> Workspace | None:
 
 
 def _general_workspace(setting: Setting) -> Workspace:
-    """Reach and areas of the end-effector, those of redundant arms being unknown."""
+    """Reach and areas of the end-effector; areas of redundant arms are unknown."""
     reach = sampled_reach(setting.model, setting.task)
     measure = singularity_measure(setting.model, setting.task, "gjm")
     extremes = joint_space_extremes(setting.model, measure)
@@ -226,7 +226,7 @@ class _Shells:
         self.open = np.zeros(_SHELLS, dtype=bool)
 
     def areas(self) -> tuple[tuple[Interval, ...], tuple[Interval, ...], tuple[Interval, ...]]:
-        """Intervals with singular configurations, those without any, and the rest [m]."""
+        """Intervals with singular configurations, intervals without any, and the rest [m]."""
         self._search()
         return (
             self._intervals(self.singular),

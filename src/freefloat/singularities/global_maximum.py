@@ -102,8 +102,8 @@ def largest_magnitude(model: FreeFloatingModel, task: Task, measure: Singularity
 def guaranteed_magnitude(model: FreeFloatingModel, task: Task, name: str) -> GlobalMaximum:
     """The largest magnitude of a determinant over the joint space, and a bound that proves it.
 
-    That of ``gjm``, which is det A / det D, is at most r where neither det A - r det D nor
-    -det A - r det D is positive anywhere; these are polynomials.
+    The magnitude of ``gjm``, det A / det D, is at most r where neither det A - r det D nor
+    -det A - r det D is positive anywhere; both are polynomials.
 
     Args:
         model: Robot, whose arm is not redundant.
@@ -121,9 +121,9 @@ def guaranteed_magnitude(model: FreeFloatingModel, task: Task, name: str) -> Glo
     sides = (A, extremes.largest_at), (-A, extremes.smallest_at)
     if name == "system":
         tolerance = _TOLERANCE * extremes.magnitude
-        found = [global_maximum(side, start, tolerance) for side, start in sides]
-        bound = max(maximum.upper_bound for maximum in found)
-        return replace(max(found, key=lambda maximum: maximum.value), upper_bound=bound)
+        maxima = [global_maximum(side, start, tolerance) for side, start in sides]
+        bound = max(maximum.upper_bound for maximum in maxima)
+        return replace(max(maxima, key=lambda maximum: maximum.value), upper_bound=bound)
     D = locked_inertia_polynomial(model, task)
     r, at = max(
         (float(side.values(start[None])[0] / D.values(start[None])[0]), start)
@@ -131,11 +131,11 @@ def guaranteed_magnitude(model: FreeFloatingModel, task: Task, name: str) -> Glo
     )
     for _ in range(_ROUNDS):
         bound = (1.0 + _TOLERANCE) * r
-        found = [global_maximum(side.minus(D, bound), at, 0.0, floor=0.0) for side, _ in sides]
-        larger = max(found, key=lambda maximum: maximum.value)
+        maxima = [global_maximum(side.minus(D, bound), at, 0.0, floor=0.0) for side, _ in sides]
+        larger = max(maxima, key=lambda maximum: maximum.value)
         if larger.value <= 0.0:
             break
         at = larger.joints
         r = float(np.abs(A.values(at[None])[0] / D.values(at[None])[0]))
-    proven = all(maximum.upper_bound <= 0.0 for maximum in found)
+    proven = all(maximum.upper_bound <= 0.0 for maximum in maxima)
     return GlobalMaximum(r, at, bound if proven else np.inf)

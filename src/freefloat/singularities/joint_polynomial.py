@@ -26,8 +26,8 @@ _BATCH, _NUMBERS = 8192, 2**23
 class JointBasis:
     """Functions of one joint value q of which a polynomial is composed.
 
-    Those of a revolute joint are 1, cos q, sin q, cos 2q, sin 2q, ...; those of a prismatic joint
-    are the Chebyshev polynomials of its range.
+    Functions of a revolute joint are 1, cos q, sin q, cos 2q, sin 2q, ...; functions of a prismatic
+    joint are the Chebyshev polynomials of its range.
 
     Attributes:
         degree: Degree of the polynomial in this joint.
@@ -109,7 +109,7 @@ class JointPolynomial:
             magnitude, at configurations that were not used to determine the coefficients.
 
     Raises:
-        InputError: If the coefficients are not those of products of these functions.
+        InputError: If the coefficients do not belong to products of these functions.
     """
 
     bases: tuple[JointBasis, ...]
@@ -164,8 +164,8 @@ class JointPolynomial:
     def variations(self, centres: Array, halves: Array) -> tuple[Array, Array]:
         """Values at the centres of boxes, and by how much each joint can change them.
 
-        About the centre c of a box with the half widths e, the value differs from that at c by at
-        most the sum of
+        About the centre c of a box with the half widths e, the value differs from the value at c by
+        at most the sum of
 
             |dS/dq_i| e_i + |d2S/dq_i dq_j| e_i e_j / 2 + T_ijk e_i e_j e_k / 6,
 
@@ -177,22 +177,22 @@ class JointPolynomial:
         """
         moving = self.moving
         pairs = list(combinations_with_replacement(moving, 2))
-        found = self._by_batch(centres, [(), *((joint,) for joint in moving), *pairs])
+        values = self._by_batch(centres, [(), *((joint,) for joint in moving), *pairs])
         e = np.broadcast_to(halves, centres.shape)[:, moving]
         m, k = len(moving), 1 + len(moving)
         H, T = (bound[np.ix_(*[moving] * bound.ndim)] for bound in self.derivative_bounds[2:])
         far = e * (e @ H) / 2.0
         near = (e[:, :, None] * e[:, None]).reshape(len(e), m * m) @ T.reshape(m * m, m) * e / 6.0
         rows, columns = np.triu_indices(m)
-        for i, j, second in zip(rows, columns, np.abs(found[:, k:]).T, strict=True):
+        for i, j, second in zip(rows, columns, np.abs(values[:, k:]).T, strict=True):
             term = second * e[:, i] * e[:, j] / 2.0
             near[:, i] += term
             if i != j:
                 near[:, j] += term
         closer = near.sum(axis=1) < far.sum(axis=1)
         parts = np.zeros(centres.shape)
-        parts[:, moving] = np.abs(found[:, 1:k]) * e + np.where(closer[:, None], near, far)
-        return found[:, 0], parts
+        parts[:, moving] = np.abs(values[:, 1:k]) * e + np.where(closer[:, None], near, far)
+        return values[:, 0], parts
 
     @property
     def moving(self) -> list[int]:
@@ -241,10 +241,10 @@ class JointPolynomial:
         return result
 
     def _derivatives(self, q: Array, derivatives: list[tuple[int, ...]]) -> Array:
-        """The same for joint values in lexicographic order.
+        """Partial derivatives for joint values in lexicographic order.
 
-        Joint after joint, the coefficients are contracted once for all that have the joints so far
-        in common, and once for all derivatives that have those by these joints in common.
+        Joint after joint, the coefficients are contracted once for all configurations that agree in
+        the joints so far, and once for all derivatives that agree in derivatives by these joints.
         """
         partial: dict[tuple[int, ...], Array] = {(): self.coefficients[None]}
         group = np.zeros(len(q), dtype=int)

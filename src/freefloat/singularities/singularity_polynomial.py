@@ -26,7 +26,7 @@ MOST_COEFFICIENTS = 5_000_000
 _HIGHEST = 16
 """Highest degree in a joint that is looked for."""
 _PROBES, _CHECKS = 4, 256
-"""Configurations at which degrees are determined, and those at which the result is checked."""
+"""Numbers of configurations to determine degrees, and of configurations to check the result."""
 _VANISHING_COEFFICIENT = 1e-13
 """Magnitude of coefficients that are rounding, relative to the largest value."""
 _LARGEST_RESIDUAL, _VANISHING = 1e-9, 1e-11
@@ -66,8 +66,8 @@ class SingularityPolynomial(JointPolynomial):
         Args:
             model: Robot.
             task: Task or its value, such as ``"position"``.
-            fixed: Joints that keep a value [rad or m], by name; the polynomial is that of the
-                others.
+            fixed: Joints that keep a value [rad or m], by name; the polynomial depends on the
+                other joints.
 
         Raises:
             InputError: If there is no such task or joint, or the robot cannot have the task; if a
@@ -79,8 +79,8 @@ class SingularityPolynomial(JointPolynomial):
         model.require_supported("polynomials of the joints")
         values = dict(_fixed_joint(model, *pair) for pair in (fixed or {}).items())
         _require_freedom(model, task, values)
-        found = fitted(lambda q: determinants(model, q, task), model, values)
-        return cls(found.bases, found.coefficients, found.residual)
+        fit = fitted(lambda q: determinants(model, q, task), model, values)
+        return cls(fit.bases, fit.coefficients, fit.residual)
 
 
 def _fixed_joint(model: FreeFloatingModel, name: str, value: float) -> tuple[int, float]:
@@ -132,7 +132,7 @@ def fitted(
     """The polynomial that a function of the joints is.
 
     Args:
-        function: Its values at joint values (K, n); shape (K,).
+        function: Values of the function at joint values (K, n); shape (K,).
         model: Robot.
         fixed: Joints that keep a value, by index.
 

@@ -31,7 +31,7 @@ class Measured(NamedTuple):
     attitudes: Array  # unit quaternions, (K, 4)
     joints: Array  # (K, n)
     twists: Array  # of the end-effector relative to the centre of mass, inertial frame, (K, 6)
-    momentum: Array  # about the centre of mass, inertial frame, then that of wheels, (6,)
+    momentum: Array  # about the centre of mass, inertial frame, then momentum of wheels, (6,)
     speed: float  # of the path
 
 

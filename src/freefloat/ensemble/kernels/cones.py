@@ -32,7 +32,7 @@ slacks in the middle and at the end of a step."""
 def note_slacks(
     problem: ProblemTables, dt: Float, fresh: Mask, accepted: Mask, work: Buffers
 ) -> None:
-    """Update the smallest slacks by those along a step; write the first ones of fresh motions."""
+    """Update the smallest slacks by slacks along a step; write first slacks of fresh motions."""
     if problem.cones.number == 0:
         return
     write_slacks(problem, work.at, AFTER, work)

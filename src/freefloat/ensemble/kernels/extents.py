@@ -1,10 +1,10 @@
 """Joint ranges and largest rates of motions in lock step, also between the ends of steps.
 
-Extreme joint values inside a step are those of its interpolant. Its derivative has larger errors,
-but shows where a rate is largest. For each rate of a motion the state with the highest one is
-stored, and (4) is solved there when all motions have ended: an error of the place enters squared.
-A joint whose rate changes its sign twice inside one step, or in the first one from rest, is not
-noticed: both ways are then tiny.
+Extreme joint values inside a step are extremes of its interpolant. Its derivative has larger
+errors, but shows where a rate is largest. For each rate of a motion the state with the highest
+rate is stored, and (4) is solved there when all motions have ended: an error of the place enters
+squared. A joint whose rate changes its sign twice inside one step, or in the first step from rest,
+is not noticed: both ways are then tiny.
 """
 
 from __future__ import annotations
@@ -50,16 +50,16 @@ if TYPE_CHECKING:
 
 _NEWTON_STEPS = 2
 _HEIGHT_FACTOR = 4.0
-"""Assumed ratio of the height of a peak above the beginning of a step to that of a parabola."""
+"""Assumed ratio of the height of a peak above the beginning of a step to a parabola's height."""
 
 
 @inner
 def note_extents(
     problem: ProblemTables, dt: Float, accepted: Mask, extremes: bool, work: Buffers
 ) -> None:
-    """Update extreme joint values and largest rates by those at the end of a step.
+    """Update extreme joint values and largest rates by values at the end of a step.
 
-    With ``extremes`` also by those along it.
+    With ``extremes`` also by values along the step.
     """
     n, K, t = problem.robot.n, work.K, work.at[4 + problem.robot.n]
     share = 1.0 / magnitude(K[4 + n, 6])
@@ -187,13 +187,13 @@ def evaluate_peaks(
     problem: ProblemTables, motions: Motions, first: int, peaks: Array, work: Buffers,
     out: EnsembleResult,
 ) -> None:  # fmt: skip
-    """Raise the largest rates of motions from ``first`` on to those in the states that were kept.
+    """Raise the largest rates of motions from ``first`` on to rates in the states that were kept.
 
     Args:
         problem: Data of the problem.
         motions: The motions.
-        first: Number of the first one.
-        peaks: Their columns of ``work.peaks``, in rows.
+        first: Number of the first motion.
+        peaks: Columns of ``work.peaks`` of the motions, in rows.
         work: Workspace.
         out: Results.
     """

@@ -52,7 +52,7 @@ _SMALL, _UNDECIDED, _GRAZING = 0.15, 0.9, 1e-5
 """Fractions: of the maximum of the measure and of the margin, below and above which a minimum is
 undecided; of the largest det S*, below which a motion may pass a singularity closely."""
 _STRICTER, _STRICTEST = 0.1, 1e-4
-"""Reductions of the tolerance of motions that are integrated again, the second for those that may
+"""Reductions of the tolerance of motions that are integrated again, the second for motions that may
 pass a singularity closely."""
 
 
@@ -65,7 +65,7 @@ def integrate_many(
 
     Where the minimum of the measure is small relative to its maximum along the motion, small errors
     of the motion are large relative to it: such motions are integrated again with a stricter
-    tolerance, unless all begin with that. So are those that become singular after having come so
+    tolerance, unless all begin with that. So are motions that become singular after having come so
     close to a singularity that with exact numbers they may pass it.
     """
     work = workspace_in_tables(workspace)

@@ -9,8 +9,8 @@ from freefloat.lockstep.lanes import Float
 from freefloat.lockstep.tables import Table
 
 PART, BEGINNING, END = 8, 12, 13
-"""Rows of the tableau: the interpolant's coefficients by power of the fraction of the step; those
-of its second derivative at the beginning and at the end."""
+"""Rows of the tableau: the interpolant's coefficients by power of the fraction of the step; the
+coefficients of its second derivative at the beginning and at the end."""
 
 
 @inlined

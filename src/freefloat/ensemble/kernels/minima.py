@@ -17,7 +17,7 @@ from freefloat.lockstep.lanes import Float, Mask, any_of, magnitude, maximum, mi
 from freefloat.lockstep.tables import subtable
 
 _DEPTH_FACTOR = 3.0
-"""Assumed ratio of the depth of a minimum inside a step to that of a parabola."""
+"""Assumed ratio of the depth of a minimum inside a step to the depth of a parabola."""
 _SKEWED = 0.02
 """Assumed minimum depth, relative to the value: where the measure falls steeply and rises slowly,
 the depth of the parabola is far too small."""

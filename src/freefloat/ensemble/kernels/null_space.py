@@ -157,7 +157,7 @@ def form_inertia(robot: Robot, work: Buffers) -> Float:
         work: Workspace, in which :func:`.form_jacobian` has written the momenta.
 
     Returns:
-        Its trace.
+        Trace of the inertia.
     """
     if robot.on_table:
         return _inertia_on_table(robot, work)
@@ -181,7 +181,7 @@ def form_inertia(robot: Robot, work: Buffers) -> Float:
 
 @inner
 def _inertia_on_table(robot: Robot, work: Buffers) -> Float:
-    """The same on a table, of one arm.
+    """Write the generalized inertia of one arm on a table; see :func:`form_inertia`.
 
     Element (i, j), j beyond i, is the product of the motion of the bodies beyond joint j due to
     joint i and the momentum that joint j gives to these while the spacecraft rests.

@@ -42,7 +42,7 @@ class Course(NamedTuple):
 
     duration: float
     segments: Table  # of the time law, one after the other, see freefloat.ensemble.kernels.flow;
-    # those of one path after the other
+    # path after path
     number: int  # of the segments of a path
     degree: int  # of the time law
     cells: Table  # the tangent by s: six cubics of each cell, highest power first
@@ -98,11 +98,11 @@ class Motions(NamedTuple):
     starts: Array
     goals: Array
     stop_below: float
-    stricter: bool  # whether all begin with the tolerance of those with small minima
-    extremes: bool  # whether extreme values are those between the ends of steps, too
-    moments: Array  # their times, see ``EnsembleIntegrator.integrate``; empty where not asked for
+    stricter: bool  # whether all begin with the tolerance for small minima
+    extremes: bool  # whether extreme values between the ends of steps count, too
+    moments: Array  # times of extremes, see ``EnsembleIntegrator.integrate``; may be empty
     steps: Array  # of the only motion: their number, then at the ends of steps time, attitude and
-    # joints, and the rates of these, in units of the duration, (M, 9 + 2 n); may be empty
+    # joints, and rates of attitude and joints, in units of the duration, (M, 9 + 2 n); may be empty
 
 
 class Buffers(NamedTuple):
@@ -110,16 +110,16 @@ class Buffers(NamedTuple):
 
     solver: Solver  # of equation (4)
     y: Table  # attitude, joints and time in units of the duration, (5 + n,)
-    at: Table  # the same at the end of a step
+    at: Table  # attitude, joints and time at the end of a step
     K: Table  # derivatives of the stages, (5 + n, 7)
     weights: Table  # of the interpolant
     inside: Table  # attitude, joints and time inside a step
     status: Table
-    h: Table  # angular momentum, that of wheels in the spacecraft frame, the drift, and how much
-    # farther the path leads
+    h: Table  # angular momentum, momentum of wheels in the spacecraft frame, the drift, and how
+    # much farther the path leads
     extent: Table  # of each joint, the largest rate, minus the smallest and the largest value;
     # largest rate of attitude
-    moments: Table  # their times in units of the duration
+    moments: Table  # times of the extents in units of the duration
     peaks: Table  # where the rates of joints and attitude are largest, (1 + n, 7 + n)
     metric: Table  # this and the following are for redundant arms
     basis: Table
@@ -189,7 +189,7 @@ def measure_in_tables(measure: Measure) -> Measure:
 
 @inner
 def problem_in_tables(problem: ProblemTables, robots: Array | None, work: Buffers) -> ProblemTables:
-    """A problem's arrays as tables; the properties of robots that differ are those in the lanes."""
+    """A problem's arrays as tables; the lanes have the properties of robots that differ."""
     cones = problem.cones
     return ProblemTables(
         robot_in_tables(problem.robot, robots, work.solver), course_in_tables(problem.course),

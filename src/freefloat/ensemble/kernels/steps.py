@@ -52,7 +52,7 @@ from freefloat.lockstep.tables import Table, subtable
 _LAST_PART = 0.7
 """A step by arc length over more than this part of what remains of a segment goes by time."""
 _SHORTEST_STEP, _SINGULAR_STEP = 1e-11, 1e-7
-"""Lengths of negligible steps, and of those across a singularity, in units of the duration."""
+"""Lengths of negligible steps, and of steps across a singularity, in units of the duration."""
 
 
 @inner
@@ -61,12 +61,12 @@ def attempt(problem: ProblemTables, extremes: bool, work: Buffers) -> tuple[int,
 
     Args:
         problem: Data of the problem.
-        extremes: Whether extreme values are those between the ends of steps, too.
+        extremes: Whether extreme values between the ends of steps count, too.
         work: Workspace.
 
     Returns:
-        Bits of the motions that took the step, of those that arrived at the end of their segment,
-        and of those that ended at a singularity.
+        Bits of the motions that took the step, of motions that arrived at the end of their segment,
+        and of motions that ended at a singularity.
     """
     robot, measure, status, n = problem.robot, problem.measure, work.status, problem.robot.n
     fresh = status[FRESH] > 0.0

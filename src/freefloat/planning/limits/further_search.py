@@ -114,7 +114,7 @@ class _FurtherSearch:
         self.tried = 0
 
     def passed(self) -> PassedTrial | None:
-        """The motion that keeps everything, the best of those found; None where none is."""
+        """The best motion found that keeps everything; None where none does."""
         present = None
         if self._search.present is not None:
             present = self._trials.best_at(self._search.present)
@@ -122,18 +122,18 @@ class _FurtherSearch:
             return present
         for starts in starts_of(self._evaluator, self._plan, self._violations):
             self.tried += starts.added
-            found = self._best_start(starts) or self._from_smallest_violations(starts)
-            passed = [self._improved(entry, starts) for entry in (present, found) if entry]
+            trial = self._best_start(starts) or self._from_smallest_violations(starts)
+            passed = [self._improved(entry, starts) for entry in (present, trial) if entry]
             if passed:
                 return max(passed, key=self._merit_of) if len(passed) > 1 else passed[0]
         return None
 
     def nearest(self) -> tuple[SimulatedBranch | None, tuple[LimitResult, ...]]:
-        """The motion that keeps the margin and comes nearest to keeping the limits, and these."""
+        """The motion that keeps the margin and most nearly the limits, and the limit results."""
         return self._trials.nearest()
 
     def _best_start(self, starts: SearchStarts) -> PassedTrial | None:
-        """The motion of the largest merit of those whose compiled ones keep everything."""
+        """The motion of the largest merit, of motions whose compiled ones keep everything."""
         attitudes = starts.attitudes[(starts.merits >= -1.0).any(axis=1)]
         if not len(attitudes):
             return None
@@ -144,7 +144,7 @@ class _FurtherSearch:
         return self._trials.at(attitudes[row], int(branch))
 
     def _from_smallest_violations(self, starts: SearchStarts) -> PassedTrial | None:
-        """A motion with a small violation that passes; None where none of those tried does."""
+        """A motion with a small violation that passes; None where no motion tried does."""
         merits = starts.merits
         branches = [None] if self._redundant else [*range(merits.shape[1])]
         best = self._climb.to_top(
@@ -189,7 +189,7 @@ class _FurtherSearch:
         return None
 
     def _precise_violation(self, candidate: ScoredAttitude, passing: list[PassedTrial]) -> float:
-        """What a precise motion violates; one that passes is added to those that do."""
+        """What a precise motion violates; one that passes is added to ``passing``."""
         attitude, branch = self._numbered(candidate, self._violations)
         simulated = integrate_branch(self._plan.problem, attitude, branch)
         passed = self._trials.check(simulated)
@@ -201,7 +201,7 @@ class _FurtherSearch:
         return largest_violation(self._trials.checker.violations(simulated.motion))
 
     def _numbered(self, candidate: ScoredAttitude, merit: _Merit) -> tuple[Array, int]:
-        """The attitude and its arm branch, that of the largest merit where it has no number."""
+        """The attitude and its arm branch, the branch of largest merit where it has no number."""
         attitude, branch = candidate.attitude, candidate.branch
         if branch is None:
             motions = self._evaluator.evaluate(attitude[None]).motions

@@ -25,7 +25,7 @@ _TURNS = 24
 _ZOOMS, _ZOOM = 6, 4
 """How often turns around the best are tried, and by which factor they are finer."""
 _MORE = 2
-"""Number of further samples, relative to those of the search."""
+"""Number of further samples, relative to the samples of the search."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,9 +34,9 @@ class SearchStarts:
 
     Attributes:
         attitudes: Quaternions x, y, z, w, shape (K, 4).
-        merits: Minus the violations of their motions, shape (K, B).
+        merits: Minus the violations of the motions from them, shape (K, B).
         spacing: Distance of neighbouring attitudes [rad].
-        added: How many of them are not the samples of the plan.
+        added: How many attitudes are not samples of the plan.
     """
 
     attitudes: Array
@@ -89,14 +89,14 @@ def _varied(evaluator: FeasibilityEvaluator, search: Search, violations: Violati
         return np.empty((0, 4))
     spacing = 2.0 * np.pi / _TURNS
     angles = _grid(spacing * np.arange(_TURNS))
-    every = [_turned(evaluator.problem, search.present, angles)]
+    varied = [_turned(evaluator.problem, search.present, angles)]
     for _ in range(_ZOOMS):
-        merits = violations(every[-1], evaluator.evaluate(every[-1]).motions)
+        merits = violations(varied[-1], evaluator.evaluate(varied[-1]).motions)
         best = angles[int(np.argmax(merits.max(axis=1, initial=-np.inf)))]
         spacing /= _ZOOM
         angles = best + _grid(spacing * np.arange(-_ZOOM, _ZOOM + 1))
-        every.append(_turned(evaluator.problem, search.present, angles))
-    attitudes = np.vstack(every)
+        varied.append(_turned(evaluator.problem, search.present, angles))
+    attitudes = np.vstack(varied)
     return np.asarray(attitudes[search.domain.contains(attitudes)])
 
 

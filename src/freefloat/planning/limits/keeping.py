@@ -31,7 +31,7 @@ _MOST = 120
 """Candidates integrated precisely before giving up."""
 _SPACING = np.radians(5.0)
 """Planar candidates nearer than this to one that violates a limit that no ensemble knows are
-skipped; in space those nearer than the spacing of the grid."""
+skipped; in space candidates nearer than the spacing of the grid."""
 _AGAIN = 32
 """Skipped candidates that are integrated precisely after all, at half the distance, then less."""
 _NEAREST = 16
@@ -40,7 +40,7 @@ _STRETCHED = 256
 """Attitudes from which longer motions are tried where no candidate is known to keep the limits."""
 _BISECTIONS = 10
 _AMONG, _TRIED = "among the samples that keep the limits", "of the samples tried"
-"""What an attitude is chosen from, in reasons: all of them, or those that were compared."""
+"""What an attitude is chosen from, in reasons: all samples, or samples that were compared."""
 _SAME_ATTITUDE = 1e-9
 """Angle below which attitudes are the same [rad]."""
 
@@ -55,8 +55,8 @@ def keep_limits(
     """The plan if its motion keeps the limits, else the best other candidate that does.
 
     Candidates are the samples that keep the margin (for planar tasks 720 headings) and the present
-    attitude, in the order of the search's objective; those next to one that violates a limit that
-    no ensemble knows are skipped, and tried in the end. An objective that approaches
+    attitude, in the order of the search's objective; candidates next to one that violates a limit
+    that no ensemble knows are skipped, and tried in the end. An objective that approaches
     ``from_attitude`` then has the attitude moved toward it as far as everything is kept. The
     ``known`` candidate is tried in the end.
     """
@@ -83,7 +83,7 @@ def _first_passing(
     trials: Trials,
     progress: Progress | None,
 ) -> PassedTrial | None:
-    """The best candidate that keeps margin and limits; None where none of those tried does."""
+    """The best candidate that keeps margin and limits; None where no candidate tried does."""
     search = plan.search
     if plan.map is not None:
         spacing, results = plan.map.spacing, plan.map.results
@@ -135,7 +135,7 @@ def _first_passing(
 
 
 def _deepest(evaluator: FeasibilityEvaluator, plan: Plan, found: list[PassedTrial]) -> PassedTrial:
-    """Of several motions the one around which attitudes may deviate most."""
+    """The motion, of several, around which attitudes may deviate most."""
 
     def depth(passed: PassedTrial) -> float:
         if plan.map is None:
@@ -230,7 +230,7 @@ def _reason(excluded: Mapping[str, int], results: Iterable[LimitResult], count: 
 
 
 def _attitudes(plan: Plan, count: int) -> Array:
-    """Those of evenly spread headings, shape (count, 4)."""
+    """Attitudes of evenly spread headings, shape (count, 4)."""
     plane = plan.problem.plane
     return plane.attitudes(plan.search.domain.headings(count, plane))
 

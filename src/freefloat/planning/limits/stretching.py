@@ -14,11 +14,11 @@ from freefloat.so3 import Array
 _STRETCHED = 8
 """Candidates that are integrated with longer durations."""
 _STRETCHES = 6
-"""Durations that are tried for each of them."""
+"""Durations that are tried for each candidate."""
 _LEAST_SHARE = 0.25
 """Least share of the excess over a limit that longer durations are taken to reduce."""
 _STEP = 1.25
-"""Smallest ratio of these durations where attitudes are searched."""
+"""Smallest ratio of successive durations where attitudes are searched."""
 OVER = 1.0 + 1e-5
 """Slightly more than what just keeps a limit."""
 

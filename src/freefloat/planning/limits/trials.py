@@ -36,7 +36,7 @@ if TYPE_CHECKING:  # coal and trimesh import slowly
 
 
 PassedTrial = tuple[SimulatedBranch, tuple[LimitResult, ...]]
-"""A motion that keeps margin and limits, and the results of these."""
+"""A motion that keeps margin and limits, and the results of the limits."""
 UNFINISHED = 1e6
 """Violation of motions that just fail to follow the whole path."""
 _FIRST_BATCH, _BATCH = 16, 256
@@ -56,7 +56,7 @@ class Trials:
         problem: The problem.
         evaluator: Evaluator of the problem.
         limits: The limits; None for the margin alone.
-        checker: The limits, prepared for its robot.
+        checker: The limits, prepared for the problem's robot.
         violations: How many candidates violate which limit first.
         count: Number of precise motions.
         refusal: What the last motion that did not pass violates first.
@@ -77,7 +77,7 @@ class Trials:
         self._nearest: tuple[tuple[float, float], SimulatedBranch] | None = None
 
     def at(self, attitude: Array, branch: int) -> PassedTrial | None:
-        """The same as :meth:`check` for the precise motion of an arm branch at an attitude (4,)."""
+        """Result of :meth:`check` for the precise motion of an arm branch at an attitude (4,)."""
         return self.check(integrate_branch(self.problem, attitude, branch))
 
     def best_at(self, attitude: Array) -> PassedTrial | None:
@@ -112,7 +112,7 @@ class Trials:
         self.refusal = name
 
     def nearest(self) -> tuple[SimulatedBranch | None, tuple[LimitResult, ...]]:
-        """The motion that keeps the margin and comes nearest to keeping the limits, and these."""
+        """The motion that keeps the margin and most nearly the limits, and the limit results."""
         if self._nearest is None:
             return None, ()
         simulated = self._nearest[1]
@@ -145,8 +145,8 @@ class Violations:
             ratios = problem.margin.threshold / motions.minimum
             ratios = np.where(problem.margin.keeps(motions.minimum), ratios.clip(max=1.0), ratios)
             late = UNFINISHED * (2.0 - motions.ended_at / problem.path.duration)
-            for others in (self._attitude.ratios(motions.slacks), self._extent_ratios(motions)):
-                ratios = np.fmax(ratios, others.max(axis=-1, initial=0.0))
+            for values in (self._attitude.ratios(motions.slacks), self._extent_ratios(motions)):
+                ratios = np.fmax(ratios, values.max(axis=-1, initial=0.0))
         ratios = np.nan_to_num(ratios, nan=UNFINISHED).clip(max=UNFINISHED)
         ratios = np.where(completed, ratios, late)
         return np.asarray(np.where(motions.endings == UNREACHED, -np.inf, -ratios))
@@ -235,7 +235,7 @@ def _clearance_deficits(
     deficits = np.zeros(len(joints))
 
     def deficits_at(t: float, attitudes: Array, joints: Array) -> list[float]:
-        """Those of states (K, 4), (K, n) at a time."""
+        """Clearance deficits of states (K, 4), (K, n) at a time."""
         prescribed, distances = path.pose(t), list[float]()
         poses = pairs.scene.poses(t, path, EndEffectorPoses.on(prescribed))
         for attitude, q in zip(attitudes, joints, strict=True):

@@ -56,7 +56,7 @@ class BranchRanges:
 
     Attributes:
         branch: Number of the arm branch at that time.
-        label: Its name.
+        label: Name of the arm branch.
         ranges: Ranges in order of their first heading.
         limits: Headings at which feasibility changes [rad]; even in number (Appendix C).
     """
@@ -72,7 +72,7 @@ class BranchRanges:
 
     @property
     def spans(self) -> list[tuple[float, float]]:
-        """The ranges [rad] from 0 to 2 pi, those across zero split in two."""
+        """The ranges [rad] from 0 to 2 pi, ranges across zero split in two."""
         spans = []
         for part in self.ranges:
             if part.high <= tau:
@@ -83,7 +83,7 @@ class BranchRanges:
 
     @property
     def degrees(self) -> list[list[float]]:
-        """The same in degrees, from 0 to 360."""
+        """The ranges in degrees, from 0 to 360, split like :attr:`spans`."""
         return [np.degrees(span).tolist() for span in self.spans]
 
     def to_dict(self) -> dict[str, Any]:
@@ -120,14 +120,14 @@ def with_heading(
     ranges: tuple[BranchRanges, ...], branch: int, label: str, heading: float
 ) -> tuple[BranchRanges, ...]:
     """Ranges with a feasible heading [rad] of an arm branch, alone where it is in none of them."""
-    own = next((e for e in ranges if e.branch == branch), BranchRanges(branch, label, (), ()))
-    if own.depth(heading) >= 0.0:
+    entry = next((e for e in ranges if e.branch == branch), BranchRanges(branch, label, (), ()))
+    if entry.depth(heading) >= 0.0:
         return ranges
     alone = HeadingRange(heading, heading, (MARGIN, MARGIN))
-    parts = sorted((*own.ranges, alone), key=lambda part: part.low)
-    limits = sorted((*own.limits, heading, heading))
-    added = BranchRanges(branch, own.label, tuple(parts), tuple(limits))
-    return tuple(sorted((*(e for e in ranges if e is not own), added), key=lambda e: e.branch))
+    parts = sorted((*entry.ranges, alone), key=lambda part: part.low)
+    limits = sorted((*entry.limits, heading, heading))
+    added = BranchRanges(branch, entry.label, tuple(parts), tuple(limits))
+    return tuple(sorted((*(e for e in ranges if e is not entry), added), key=lambda e: e.branch))
 
 
 def branch_ranges(

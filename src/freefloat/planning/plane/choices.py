@@ -24,7 +24,7 @@ _NEARBY = np.geomspace(1e-6, 0.5, 64)
 _TRIED = 24
 """Headings tried in each range when the largest margin is searched for."""
 _PARTS, _TOP = 8, 4
-"""Finer steps around the peaks of a search, and how many of these are refined together."""
+"""Finer steps around the peaks of a search, and how many peaks are refined together."""
 _FINEST = 1e-7
 """Accuracy of the heading of the largest margin [rad]."""
 
@@ -121,7 +121,7 @@ class RangeChoices:
     def _start(self, heading: float, branch: int) -> tuple[Array, int | None]:
         """The attitude of a heading [rad], and the arm branch.
 
-        Of a redundant arm the nearest heading at which a configuration of those tried is feasible.
+        Of a redundant arm the nearest heading at which a tried configuration is feasible.
         """
         if not self._evaluator.problem.redundant:
             return self._plane.attitudes(heading), branch

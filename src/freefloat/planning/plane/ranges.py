@@ -40,7 +40,7 @@ _SMALLEST_LEVEL = 1e-4
 _TOLERANCE = 1e-11
 """Relative and absolute tolerance of the motions to the limits."""
 _SAME_BRANCH = 1e-4
-"""Largest distance of joint values from those of their arm branch [rad]."""
+"""Largest distance of joint values from the values of their arm branch [rad]."""
 _LABELS = "elbow+", "elbow-"
 
 Span = tuple[float, float]
@@ -53,9 +53,9 @@ class RangeLimit:
     """A motion that is tangent to its margin and keeps it everywhere else.
 
     Attributes:
-        touch_point: Where its |S| is smallest.
-        start_heading: Its heading at the start of the span [rad], in [0, 2 pi).
-        end_heading: The same at the end of the span.
+        touch_point: Where |S| of the motion is smallest.
+        start_heading: Heading at the start of the span [rad], in [0, 2 pi).
+        end_heading: Heading at the end of the span [rad], in [0, 2 pi).
     """
 
     touch_point: TouchPoint
@@ -223,7 +223,7 @@ class Segment:
         span: First and last time [s].
         limits: Range limits: motions along the segment that are tangent to the margin.
         at_start: Headings at its start from which the segment is feasible.
-        at_end: Headings at its end of these motions.
+        at_end: Headings at its end of motions that are feasible along the segment.
         joined_at_end: Headings at its end of motions that are feasible along this segment and all
             that follow.
 

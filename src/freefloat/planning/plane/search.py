@@ -2,7 +2,7 @@
 
 Headings are sampled on the whole circle, more of them where a gap may hide, and the limits of
 ranges are bisected. The configurations of a redundant arm that are tried at a sample are a choice
-of infinitely many, which jumps from one heading to the next; those that are feasible are followed
+of infinitely many, which jumps from one heading to the next; feasible configurations are followed
 to all other headings, samples included, until none of them is feasible.
 """
 
@@ -43,7 +43,7 @@ _NEAR_KNOWN = np.geomspace(1e-6, 1e-2, 9)
 _END = 1e-6
 """Distance of a heading from the limit of the domain that is its cause [rad]."""
 _WIDEST, _NARROWEST = np.radians(1.0 + 1e-6), 1e-6
-"""Largest distance of headings tried inside a range, and that of the closest ones [rad]."""
+"""Largest distance of headings tried inside a range, and distance of the closest ones [rad]."""
 _FLATTEST = np.radians(0.02)
 """Distance of headings beside a violated maximum that are not divided further [rad]."""
 _SCANNED, _JUMP = 7200, 0.3
@@ -67,8 +67,8 @@ def searched_ranges(
     """Feasible ranges of heading; narrower ones than the spacing of the samples may be missed.
 
     Headings that are known [rad] are samples, too. Inside ranges, headings are added where the
-    margin or det S* may vanish between neighbours. Ranges are those of each arm branch; of a
-    redundant arm a heading is feasible when any of the starting configurations tried at the
+    margin or det S* may vanish between neighbours. Each arm branch has its ranges; of a redundant
+    arm a heading is feasible when any of the starting configurations tried at the
     samples, or followed from there, keeps everything.
     """
     problem, domain = evaluator.problem, domain or SearchDomain()
@@ -189,7 +189,7 @@ def _causes(
 ) -> list[str]:
     """Why ranges end next to headings (K,) outside, with the motions from there, shape (K, B).
 
-    ``ends`` are those of the headings that are searched.
+    ``ends`` are the ends of the headings that are searched.
     """
     least = motions.slacks.min(axis=2, initial=np.inf)
     limited = (motions.endings == LIMITED) & (least > -_JUST)
@@ -209,7 +209,7 @@ def _headings(
 ) -> Array:
     """Even headings, known ones and some next to these and to changes, where narrow ranges may lie.
 
-    Such changes are the limits of the reach and those of the arm branch closest to given joints.
+    Such changes are the limits of the reach and changes of the arm branch closest to given joints.
     Outside a domain that has not all headings there is one next to each of its limits.
     """
     headings, given = domain.headings(samples, problem.plane), len(known)
@@ -263,9 +263,9 @@ def continued_motions(
 
 
 class FollowedStarts:
-    """Motions of a redundant arm from configurations near those of neighbouring headings.
+    """Motions of a redundant arm from near the configurations of neighbouring headings.
 
-    Of the feasible ones of a heading those with the largest margin and slacks are known.
+    Of a heading's feasible configurations, the ones with the largest margin and slacks are known.
     """
 
     def __init__(

@@ -1,7 +1,7 @@
 """Adversarial searches: deviations in a ball that break a claim about all of them.
 
 Of deviations spread in the ball and on its sphere the worst, far from each other, are moved to
-worse ones by pattern searches. Some of these lower the margin, the others the ratio of
+worse ones by pattern searches. Some searches lower the margin, the others the ratio of
 determinants: a narrow valley of one may lie where the other is smaller all around.
 """
 
@@ -70,9 +70,9 @@ def confirmed_radius(
         outside = violations(regularity, min(BEYOND * radius, most), effort, seed, known)
         seed, silent = seed + 1, silent + 1
         if len(outside):
-            found = closest(regularity, outside, smallest)
-            radius, silent = CAUTION * shortest_length(found), 0
-            known = np.vstack([known, found])
+            nearest = closest(regularity, outside, smallest)
+            radius, silent = CAUTION * shortest_length(nearest), 0
+            known = np.vstack([known, nearest])
         elif silent > min(len(known), 1):
             return radius
     return 0.0
@@ -160,7 +160,7 @@ class _Balls(Clouds):
         return vectors, np.linalg.norm(vectors - points[:, None], axis=2)
 
     def superseded(self, searches: Searches, sizes: Array) -> BoolArray:
-        """See :class:`.Clouds`: those near a better one."""
+        """See :class:`.Clouds`: searches near a better one."""
         distances = np.linalg.norm(searches.points[:, None] - searches.points, axis=2)
         near = distances < _SAME_POINT * sizes[:, None]
         return np.asarray((searches.better & near).any(axis=1))

@@ -70,7 +70,7 @@ class AttitudeMap(MarginMap):
     def feasible_fraction_error(self) -> float:
         """Standard error of :attr:`feasible_fraction` had the samples been drawn at random.
 
-        They are spread more evenly than that, so the error is smaller.
+        The samples are spread more evenly than that, so the error is smaller.
         """
         p = self.feasible_fraction
         return float(np.sqrt(p * (1.0 - p) / self.samples))
@@ -93,7 +93,7 @@ class AttitudeMap(MarginMap):
     def branch_margins(self) -> list[tuple[int | None, Array]]:
         """Arm branches that vary smoothly with the attitude, and the margins (N,) of each.
 
-        Those of a redundant arm do not: their largest margin counts, without a number. Of
+        Branches of a redundant arm do not: their largest margin counts, without a number. Of
         wrist-flipped branches with the same motion only the first is listed.
         """
         margins = self.margins

@@ -40,20 +40,20 @@ _MOST_CLOUDS = 8
 _CLOUD = 1024
 """Attitudes of a cloud."""
 _RADIUS = 4.0
-"""Radius of a cloud, in units of the ball's."""
+"""Radius of a cloud, in units of the ball's radius."""
 _CENTRES = 8000
 """Centres considered in a cloud."""
 _ROUNDS = 20
 """Balls examined in a cloud, at most."""
 _SEPARATION = 1.06
-"""Angle between a centre and attitudes outside, in units of the ball's radius: those known do not
+"""Angle between a centre and attitudes outside, in units of the ball's radius: known ones do not
 lie exactly on the boundary."""
 _FEW, _OTHERS = 64, 3
 """Directions in which centres are tried first, and how many beside the nearest."""
 _SHELL = 384
 """Attitudes tried on the sphere of a ball."""
 _INSIDE = 128
-"""Attitudes tried inside it."""
+"""Attitudes tried inside a ball."""
 _FINEST = 1e-4
 """Accuracy of a centre [rad]."""
 
@@ -73,7 +73,7 @@ class SampledChoices:
         return self.search.spare
 
     def largest_margins(self) -> Sequence[Candidate]:
-        """Those with locally largest minimum margins."""
+        """Candidates with locally largest minimum margins."""
         peaks = most_robust_first(self.samples, feasible_peaks(self.evaluator, self.samples))
         largest = max((peak.minimum_margin for peak in peaks), default=0.0)
 
@@ -85,7 +85,7 @@ class SampledChoices:
         return [*(Peak(entry.attitude, entry.branch, entry.merit) for entry in better), *peaks]
 
     def largest_merits(self) -> Sequence[Candidate]:
-        """Those with locally largest merits."""
+        """Candidates with locally largest merits."""
         samples = self.samples
         merit = self.search.comparison(self.evaluator, self.limits, samples.margins)
         table = merit(samples.attitudes, samples.results.motions)
@@ -96,7 +96,7 @@ class SampledChoices:
         return [*self._better_at_present(largest, merit), *scored]
 
     def deepest(self) -> Sequence[Candidate]:
-        """Those deepest inside the feasible set, with the radius of the ball around them."""
+        """Candidates deepest inside the feasible set, with the radius of the ball around them."""
         evaluator, samples = self.evaluator, self.samples
         deep = deepest(evaluator, samples)
         if deep is not None and deep.radius > samples.spacing:
@@ -110,7 +110,7 @@ class SampledChoices:
         return sorted(balls, key=lambda ball: -ball.radius)
 
     def nearest(self) -> Sequence[Candidate]:
-        """Those nearest to ``from_attitude`` that keep the margin within ``spare``, if any."""
+        """Candidates nearest to ``from_attitude`` that keep the margin within ``spare``, if any."""
         evaluator, samples, present = self.evaluator, self.samples, self._present
         if self.spare:
             nearest = nearest_with_spare(evaluator, samples, present, self.spare)
@@ -160,8 +160,8 @@ def nearest_with_spare(
 ) -> list[NearAttitude]:
     """The attitude near a target that keeps the margin within an angle ``spare`` [rad] around it.
 
-    There all singularities are avoided, also those at which the measure does not vanish. Empty
-    where no such attitude was found.
+    There all singularities are avoided, also singularities at which the measure does not vanish.
+    Empty where no such attitude was found.
     """
     domain = samples.search.domain
     best: NearAttitude | None = None
@@ -174,9 +174,9 @@ def nearest_with_spare(
         inside = samples.attitudes[samples.regular(near.branch)]
         order = np.argsort(angle_between(inside, target))[:_NEAREST_SAMPLES]
         for start in (near.attitude, *inside[order]):
-            found = _nearest_centre(evaluator, start, near.branch, target, spare, samples.spacing)
-            if found is not None and domain.contains(found.attitude):
-                best = found if best is None or found.deviation < best.deviation else best
+            centre = _nearest_centre(evaluator, start, near.branch, target, spare, samples.spacing)
+            if centre is not None and domain.contains(centre.attitude):
+                best = centre if best is None or centre.deviation < best.deviation else best
                 break
     return [] if best is None else [best]
 
@@ -265,7 +265,7 @@ def _apart(
 
 
 def _refined(centre: Array, apart: Inside, target: Array, radius: float) -> Array:
-    """The attitude nearest to a target, of those apart, near a centre."""
+    """The attitude nearest to a target, of attitudes apart, near a centre."""
 
     def merit(attitudes: Array, _: IntArray | None) -> Array:
         return np.where(apart(attitudes), -angle_between(attitudes, target), -np.inf)

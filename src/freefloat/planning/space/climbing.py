@@ -17,7 +17,7 @@ from freefloat.planning.space.attitude_map import AttitudeMap
 from freefloat.so3 import Array, BoolArray, IntArray, angle_between, rotated, rotation_vector_to
 
 _CLIMBS, _FEW = 16, 3
-"""Samples to climb from, and the number of clouds of these climbs."""
+"""Samples to climb from, and the number of clouds of a climb."""
 _FINISHED = 4
 """Number of climbs that are continued."""
 _FINE = 5e-5
@@ -52,13 +52,13 @@ def largest_margins(evaluator: FeasibilityEvaluator, samples: AttitudeMap) -> li
 
 
 def feasible_peaks(evaluator: FeasibilityEvaluator, samples: AttitudeMap) -> list[Peak]:
-    """Those of :func:`largest_margins` that keep the margin."""
+    """Attitudes of :func:`largest_margins` that keep the margin."""
     margin = samples.problem.margin
     return [p for p in largest_margins(evaluator, samples) if margin.keeps(p.minimum_margin)]
 
 
 def most_robust_first(samples: AttitudeMap, peaks: list[Peak]) -> list[Peak]:
-    """Peaks, those of the largest margin first, led by the farthest from samples outside."""
+    """Peaks with the largest margin first, led by the peak farthest from samples outside."""
     enough = (1.0 - _EQUAL) * max((peak.minimum_margin for peak in peaks), default=0.0)
 
     def depth(peak: Peak) -> float:
@@ -73,17 +73,17 @@ def most_robust_first(samples: AttitudeMap, peaks: list[Peak]) -> list[Peak]:
 def is_unique(evaluator: FeasibilityEvaluator, best: Peak, domain: SearchDomain) -> bool:
     """Whether few attitudes of the domain half a degree to one degree away have the best margin."""
     cloud = attitudes_within(best.attitude, 2.0 * _APART, _AROUND // evaluator.sample_reduction)
-    others = cloud[(angle_between(cloud, best.attitude) > _APART) & domain.contains(cloud)]
-    if not len(others):
+    ring = cloud[(angle_between(cloud, best.attitude) > _APART) & domain.contains(cloud)]
+    if not len(ring):
         return True
-    differences = np.abs(evaluator.margins(others, best.branch) - best.minimum_margin)
+    differences = np.abs(evaluator.margins(ring, best.branch) - best.minimum_margin)
     return bool((differences < _EQUAL * best.minimum_margin).mean() < _MANY)
 
 
 def separate_best(
     attitudes: Array, merits: Array, branches: Sequence[int | None], count: int, spacing: float
 ) -> list[ScoredAttitude]:
-    """Of attitudes (K, 4) those of the largest merits, no two of a branch near each other.
+    """Attitudes of the largest merits among (K, 4), no two of a branch near each other.
 
     Args:
         attitudes: Quaternions x, y, z, w, shape (K, 4).
@@ -142,8 +142,8 @@ class Climb:
             np.zeros(len(starts), np.int64) if branches is None else branches,
         )
         last = pattern_search(self.pattern, inside, first, size, self.finest, rounds)
-        found = zip(last.points, starts, last.merits.tolist(), strict=True)
-        moved = [ScoredAttitude(attitude, start.branch, value) for attitude, start, value in found]
+        rows = zip(last.points, starts, last.merits.tolist(), strict=True)
+        moved = [ScoredAttitude(attitude, start.branch, value) for attitude, start, value in rows]
         return sorted(moved, key=lambda entry: -entry.merit)
 
     def to_top(
@@ -206,8 +206,8 @@ def _nearest(
 
     vectors = rotation_vector_to(target, np.array([start.attitude for start in starts]))
     angles = np.minimum(1.5 * samples.spacing / np.linalg.norm(vectors, axis=1), _CONE)
-    found = rotated(target, shortest(member, vectors, angles, branches))
-    pairs = zip(found, starts, strict=True)
+    nearest = rotated(target, shortest(member, vectors, angles, branches))
+    pairs = zip(nearest, starts, strict=True)
     return [_near(attitude, start.branch, target) for attitude, start in pairs]
 
 

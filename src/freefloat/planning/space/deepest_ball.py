@@ -1,6 +1,6 @@
 """The attitude deepest inside the feasible set of a branch: the centre of the largest ball.
 
-Attitudes known outside, at first those of a map, limit every ball. The largest balls that they
+Attitudes known outside, at first attitudes of a map, limit every ball. The largest balls that they
 leave are probed, several at once; what is found outside limits the next ones. For a ball that is
 nearly as large as any could be the closest attitude outside is searched for, and many attitudes
 confirm it.
@@ -37,12 +37,12 @@ _BALLS = 4
 _DIRECTIONS = 32
 """Directions in which a ball is probed."""
 _SIZES = 0.99, 0.95, 0.9, 0.82, 0.7, 0.5, 0.25, 0.1
-"""Distances from the centre at which it is, in units of the radius."""
+"""Distances from the centre at which a ball is probed, in units of the radius."""
 _SEARCHES, _NEARBY = 3, 1.3
 """Searches for the attitude outside closest to a centre, and the distance of the attitudes that
 they begin from, in units of the radius."""
 _CONE, _QUICK = 0.3, 4
-"""Angle of the first directions of these searches [rad], and their rounds."""
+"""Angle of the first directions of the searches [rad], and rounds of a search."""
 _SETTLED = 0.98
 """Fraction of the largest possible radius that is enough."""
 _CENTRES = 8000

@@ -74,12 +74,12 @@ def attitude_map(
 
     Args:
         problem: The problem.
-        samples: Number of attitudes; when left out that of the search, else 360 headings or
+        samples: Number of attitudes; when left out the number of the search, else 360 headings or
             36,864 attitudes.
-        search: Its seed rotates the grid of attitudes, its joints and domain restrict the map.
-        limits: Limits, by default those of the problem. Motions are compared with those of pointing
-            and of the spacecraft's turn: an attitude is feasible where one keeps them and the
-            margin.
+        search: Search whose seed rotates the grid, and whose joints and domain restrict the map.
+        limits: Limits, by default the problem's limits. Motions are compared with limits of
+            pointing and of the spacecraft's turn: an attitude is feasible where a motion keeps them
+            and the margin.
         nearest: Attitude to find the nearest feasible one to, quaternion x, y, z, w.
         boundary: Points on the boundary of the feasible set to find for each arm branch.
         touch: Points on the boundary to find from touch points (Section VI).
@@ -153,7 +153,7 @@ def sample_headings(
 ) -> HeadingMap:
     """Integrate the motions of every arm branch of a planar problem from evenly spread headings.
 
-    There are 8 or more; those of a search lie in its domain.
+    There are 8 or more headings; with a search they lie in its domain.
 
     Raises:
         InputError: If the samples are no such number.
@@ -177,7 +177,7 @@ def sample_attitudes(
 ) -> AttitudeMap:
     """Integrate the motions of every arm branch from 8 or more attitudes spread over all of SO(3).
 
-    Those of a search lie in its domain, and its seed rotates them.
+    Attitudes of a search lie in its domain, and its seed rotates them.
 
     Raises:
         InputError: If the samples are no such number.

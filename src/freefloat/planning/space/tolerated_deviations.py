@@ -1,7 +1,7 @@
 """Deviations of attitude, momentum and duration that a planned motion tolerates.
 
 The feasible set of an arm branch here contains the attitudes from which the branch keeps the margin
-and avoids all singularities, also those at which the measure does not vanish.
+and avoids all singularities, also singularities at which the measure does not vanish.
 
 The distance to the closest attitude outside is the length of the shortest rotation vector that
 leads there. Adversarial searches in a slightly larger ball confirm it, or make it smaller until
@@ -76,17 +76,17 @@ class NearbyAttitudes:
 
     @classmethod
     def of(cls, evaluator: FeasibilityEvaluator, centres: Sequence[Candidate]) -> NearbyAttitudes:
-        """Those of candidates, all or none of which have a number of an arm branch."""
+        """Attitudes near candidates, all or none of which have a number of an arm branch."""
         attitudes = np.array([centre.attitude for centre in centres])
         return cls(evaluator, attitudes, branch_numbers(centres))
 
     def rotated(self, vectors: Array, numbers: IntArray) -> tuple[Array, IntArray | None]:
-        """The attitudes of those numbers (M,), rotated by vectors (M, 3), and their branches."""
+        """The attitudes with numbers (M,), rotated by vectors (M, 3), and their branches."""
         branches = None if self.branches is None else self.branches[numbers]
         return rotated(self.attitudes[numbers], vectors), branches
 
     def outside(self, vectors: Array, numbers: IntArray) -> BoolArray:
-        """Whether the attitudes of those numbers, rotated, are outside, shape (M,)."""
+        """Whether the attitudes with numbers (M,), rotated, are outside, shape (M,)."""
         return ~self.evaluator.regular(*self.rotated(vectors, numbers))
 
     def regularity(self, vectors: Array) -> Array:
@@ -134,9 +134,9 @@ def confirmed(evaluator: FeasibilityEvaluator, ball: Ball) -> Ball:
 def tolerance(integrator: Integrator, attitude: Array, joints: Array) -> Tolerance:
     """Largest deviations of momentum and duration with which a motion keeps its margin.
 
-    A motion is the same at another speed with the momentum, that of wheels, and the drift scaled by
-    the same factor (8): a duration changed by a factor is equivalent to these changed by it. The
-    motion begins with an attitude, a quaternion x, y, z, w, and joints (n,).
+    A motion is the same at another speed with the momentum, wheel momentum and the drift scaled by
+    the same factor (8): a duration changed by a factor is equivalent to momenta and drift changed
+    by it. The motion begins with an attitude, a quaternion x, y, z, w, and joints (n,).
     """
     problem = integrator.problem
     h, wheels, drift = problem.momentum, problem.wheel_momentum, problem.path.drift
@@ -170,8 +170,8 @@ def _momentum_tolerance(regularity: Regularity, limit: float) -> float:
     violating = tried[~is_kept(regularity(tried))]
     radius = limit
     if len(violating):
-        found = closest(regularity, violating, _LEAST * limit, _MOMENTUM_CONE)
-        radius = CAUTION * shortest_length(found)
+        nearest = closest(regularity, violating, _LEAST * limit, _MOMENTUM_CONE)
+        radius = CAUTION * shortest_length(nearest)
     return confirmed_radius(regularity, radius, MOMENTUM_EFFORT, _LEAST * limit, most=limit)
 
 

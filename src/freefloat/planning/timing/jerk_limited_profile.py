@@ -41,10 +41,10 @@ class _SplineLimits:
     Attributes:
         values: The matrix of y, shape (K, N).
         linear: Matrix of the limits linear w <= bounds.
-        bounds: Their bounds.
+        bounds: Bounds of the linear limits.
         jerk: Matrix of the limits sqrt(y) jerk w <= left.
-        left: Jerk that momentum and drift leave, of these limits.
-        place: Places of these limits, integers.
+        left: Jerk that momentum and drift leave, of the limits of jerk.
+        place: Places of the limits of jerk, integers.
     """
 
     values: Array

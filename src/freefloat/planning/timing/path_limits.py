@@ -175,8 +175,8 @@ class PathLimits:
         """Rows a, b, c of a u + b x <= c, both signs of every joint, shape (K, 4 n) each."""
         per_acceleration, squared, rest = self._terms(places)
         unlimited = np.full(places.joints.shape[1], np.inf)
-        given = self._limits.joint_torque, self._limits.joint_acceleration
-        bounds = [unlimited if bound is None else bound for bound in given]
+        magnitudes = self._limits.joint_torque, self._limits.joint_acceleration
+        bounds = [unlimited if bound is None else bound for bound in magnitudes]
         limit = self._scale * np.concatenate(bounds)
         return (
             np.hstack([per_acceleration, -per_acceleration]),

@@ -282,7 +282,7 @@ def _with_timing(
     return replace(
         plan, problem=problem, chosen=chosen, limit_results=results, map=samples, stretch=1.0,
         feasible=verdict.feasible, reason=reason,
-        segments=(),  # their touch points are those of the first timing
+        segments=(),  # their touch points belong to the first timing
     )  # fmt: skip
 
 

@@ -43,7 +43,7 @@ _GROWTH = 1.5
 """Largest ratio of squared speeds at neighbouring knots, but those at the ends, under limits of
 rates alone: where a rate passes zero, they allow a peak so narrow that no motion is like it."""
 _NEARLY_STILL = 1e-6
-"""Squared speed at a knot, over that at the next, where the linear program takes zero."""
+"""Squared speed at a knot, over its value at the next, where the linear program takes zero."""
 _CONSIDERED = tuple(
     kind.name
     for kind in (
@@ -54,7 +54,7 @@ _CONSIDERED = tuple(
 
 
 def require_considered(limits: Limits) -> None:
-    """Raise an InputError unless some limits depend on the timing, and all of these are known."""
+    """Raise an InputError unless some limits depend on the timing and all such limits are known."""
     accepted = ", ".join(_CONSIDERED)
     if not limits.timed:
         raise InputError("limits", "none of them determines the timing", accepted)
@@ -143,7 +143,7 @@ def _largest_squares(
 ) -> Array:
     """Squared speeds at knots of the largest weighted sum; zeros where none keep the limits.
 
-    The ratio of neighbouring ones but those at the ends may be limited to a ``growth``.
+    The ratio of neighbouring squares, but not at the ends, may be limited to a ``growth``.
     """
     widths = np.diff(knots)[:, None]
     places = (knots[:-1, None] + np.array(_FRACTIONS) * widths).ravel()
