@@ -25,7 +25,7 @@ def check_limits(motion: Motion, limits: Limits | None = None) -> tuple[LimitRes
     Args:
         motion: Motion along a path or with prescribed joints; joints are compared with their ranges
             as they are; see :func:`freefloat.motion.extrema.unwrapped`.
-        limits: The limits in addition to the joint ranges; the problem's limits when left out.
+        limits: The limits in addition to the joint ranges; the setting's limits when left out.
 
     Raises:
         InputError: If there are not as many limits as joints.

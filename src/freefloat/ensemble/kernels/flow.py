@@ -13,7 +13,7 @@ from freefloat.lockstep.tables import Table, pick, set_vector, subtable
 from freefloat.lockstep.vectors import Vector, components, cross, dot, vector
 
 END, ORIGIN, FREQUENCY, FIRST_S, DENSITY, FIRST_CELL, CELLS, LAW = 0, 1, 2, 3, 4, 5, 6, 7
-"""Columns of a segment; its law are the coefficients of s, then of the derivative of s."""
+"""Columns of a segment; its law has the coefficients of s, then of the derivative of s."""
 
 
 TIME_WEIGHT = 20.0
