@@ -49,7 +49,7 @@ def assert_limits_verified(answer: Answer) -> None:
     checks = [entry for entry in ff.check(answer).checks if entry.name.startswith("limit ")]
     assert all(entry.passed for entry in checks)
     (phase,) = answer.phases
-    limited = phase.limits.clearance != "off"
+    limited = phase.result.limits.clearance != "off"
     assert ("limit clearance" in {entry.name for entry in checks}) is limited
 
 
