@@ -48,11 +48,11 @@ def write_hdf5(path: Path, tree: Tree) -> None:
     stream = io.BytesIO()
     with h5py.File(stream, "w", userblock_size=_BLOCK) as file:
         _write(file, tree, {})
-    content = stream.getbuffer()[_BLOCK:]
-    block = _MARK + hashlib.sha256(content).hexdigest().encode() + b"\n"
-    with written_beside(path) as temporary, temporary.open("wb") as output:
-        output.write(block.ljust(_BLOCK, b"\0"))
-        output.write(content)
+    with stream.getbuffer() as buffer, buffer[_BLOCK:] as content:
+        block = _MARK + hashlib.sha256(content).hexdigest().encode() + b"\n"
+        with written_beside(path) as temporary, temporary.open("wb") as output:
+            output.write(block.ljust(_BLOCK, b"\0"))
+            output.write(content)
 
 
 def _write(group: Any, tree: Tree, known: dict[int, Any]) -> None:
