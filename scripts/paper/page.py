@@ -185,7 +185,7 @@ def equations() -> str:
     lines = [
         "## The equations",
         "",
-        "Names are those of modules below `freefloat`.",
+        "Names are names of modules below `freefloat`.",
         "",
         "| equation | function | |",
         "|---|---|---|",
