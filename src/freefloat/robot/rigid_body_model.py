@@ -90,7 +90,7 @@ class RigidBodyModel:
         accepted = "positive moments in the <inertia> of the spacecraft or the arm"
         raise ModelError("robot", problem, accepted, self.description.source)
 
-    @property
+    @cached_property
     def on_table(self) -> bool:
         """Whether the spacecraft moves along x and y and turns about z only."""
         return self.base is Base.PLANAR
