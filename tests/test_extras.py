@@ -25,8 +25,11 @@ EXTRAS = {
     for name, listed in PROJECT["optional-dependencies"].items()
     if name not in ("docs", "test")
 }
-PARTS = {"pinocchio": "pin", "coal": "coal", "distributed": "dask", "mujoco": "mujoco"}
-"""Distributions whose modules are installed by a part of them."""
+PARTS = {
+    "pinocchio": "pin", "coal": "coal", "distributed": "dask", "mujoco": "mujoco",
+    "llvmlite": "numba",
+}  # fmt: skip
+"""Distributions whose modules are installed by a part of them; Numba names its llvmlite exactly."""
 MODULES = {
     "cluster": "distributed", "mcap": "mcap_ros2",
     "mujoco": "mujoco", "parquet": "pyarrow", "video": "playwright", "xacro": "xacro",
