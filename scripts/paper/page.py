@@ -185,7 +185,7 @@ def equations() -> str:
     lines = [
         "## The equations",
         "",
-        "Names are names of modules below `freefloat`.",
+        "Modules are named below `freefloat`.",
         "",
         "| equation | function | |",
         "|---|---|---|",

@@ -22,7 +22,7 @@ from freefloat.robot.named_files import (
 )
 from freefloat.rotations import rotation_matrix
 from freefloat.so3 import Pose, unit_quaternion
-from tests.commands import document, run
+from tests.commands import document, error, run
 
 ENTRIES = {entry.name: entry for group in catalogue().values() for entry in group}
 
@@ -124,6 +124,7 @@ def test_info_prints_all_diagnostics_of_a_broken_urdf(
 @pytest.mark.slow
 def test_the_schemas_accept_what_is_bundled() -> None:
     schemas = document("schema")
+    assert error("schema", "robot")["key"] == "kind"
     for group, key in (("scenarios", "scenario"), ("studies", "study")):
         assert document("schema", key) == schemas[key]
         Draft202012Validator.check_schema(schemas[key])

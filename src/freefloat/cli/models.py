@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import takewhile
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 import typer
 from rich.console import RenderableType
@@ -20,9 +20,7 @@ _Name = Annotated[str | None, typer.Argument(
     autocompletion=file_names,
 )]  # fmt: skip
 
-_Kind = Annotated[Literal["scenario", "study"] | None, typer.Argument(
-    metavar="[KIND]", help="Print the schema of scenario or study files alone.",
-)]  # fmt: skip
+_Kind = Annotated[str | None, typer.Argument(metavar="[KIND]", help="Either scenario or study.")]
 
 
 def models(name: _Name = None, as_json: Json = False, quiet: Quiet = False) -> None:
@@ -49,7 +47,7 @@ def models(name: _Name = None, as_json: Json = False, quiet: Quiet = False) -> N
 
 
 def schema(kind: _Kind = None, as_json: Json = False, quiet: Quiet = False) -> None:
-    """Print the JSON schemas of scenario and study files, or the one that an editor needs.
+    """Print the JSON schemas of scenario and study files, or one of them, as editors need it.
 
     Example: freefloat schema scenario > scenario.schema.json
     """
@@ -58,6 +56,8 @@ def schema(kind: _Kind = None, as_json: Json = False, quiet: Quiet = False) -> N
 
     schemas = {"scenario": ScenarioFile.model_json_schema(), "study": StudyFile.model_json_schema()}
     named = {name: {"$id": f"urn:freefloat:{name}", **schemas[name]} for name in schemas}
+    if kind is not None and kind not in named:
+        raise InputError("kind", f"{kind!r} was given", ", ".join(named))
     print_json(named if kind is None else named[kind])
 
 

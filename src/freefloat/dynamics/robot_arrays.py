@@ -43,7 +43,7 @@ class KernelAxes:
         return cls(required_plane(model, task) if task.planar else LEVEL)
 
     def systems(self, columns: Array) -> Array:
-        """Rows of momenta, momenta in wheels, which are seen from the spacecraft, and others."""
+        """Rows of momenta, wheel momenta, turned from the spacecraft into the axes, and others."""
         return np.column_stack([columns[:, :3], self.plane.seen(columns[:, 3:6]), columns[:, 6:]])
 
     def attitudes(self, attitudes: Array, *, back: bool = False) -> Array:

@@ -136,7 +136,7 @@ class ScaledMotions:
 
     @property
     def magnifications(self) -> Array:
-        """The measure along the disturbed motions over the measure along these, shape (K,)."""
+        """The measure along the disturbed motions over the measure along their stand-ins, (K,)."""
         return np.asarray(self.factors**self.problem.margin.measure.mass_power)
 
     def problem_of(self, k: int) -> Problem:

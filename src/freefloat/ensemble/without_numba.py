@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from freefloat.ensemble.ensemble import EnsembleIntegrator
 
 Slack: TypeAlias = Callable[[Array, Array, Array], Array]
-"""Of a limit, at times (K,) with attitudes (K, 4) and joints (K, n)."""
+"""Slacks of a limit at times (K,) with attitudes (K, 4) and joints (K, n)."""
 Integrator: TypeAlias = "EnsembleIntegrator | PreciseIntegrator"
 
 

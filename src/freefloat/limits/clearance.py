@@ -1,7 +1,7 @@
 """The smallest distance between bodies along a motion, found by branch and bound.
 
 Between two configurations the distance of a pair changes by at most the path lengths of its joints
-times their levers; for a pair with a body of the scene the two bodies' frames replace the joints.
+times their levers; for a pair with a body of the scene, of the two bodies' frames times theirs.
 Intervals in which the distance may fall below the smallest one known are bisected until none is
 left, so that no contact between samples is missed.
 """

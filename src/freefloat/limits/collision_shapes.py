@@ -88,7 +88,7 @@ def shapes_of_links(model: FreeFloatingModel, *, visuals: bool) -> tuple[OwnedSh
 
 
 def shapes_of_bodies(scene: Scene, first: int) -> tuple[OwnedShapes, ...]:
-    """Collision shapes of the bodies of a scene; names of bodies stand for names of links.
+    """Collision shapes of the bodies of a scene, whose names take the place of links' names.
 
     Args:
         scene: The scene.

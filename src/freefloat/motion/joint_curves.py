@@ -18,7 +18,7 @@ from freefloat.so3 import Array, frozen
 
 DEGREE = 3
 _SPAN = 1e-9
-"""Deviation of a curve's duration from the path's, and its shortest step, as fractions."""
+"""Deviation of a curve's duration from the path's, and shortest step, over the duration."""
 
 
 @dataclass(frozen=True, eq=False)

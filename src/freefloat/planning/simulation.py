@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 
 import numpy.typing as npt
 
+from freefloat.ensemble.compiled_motions import precise_motion
 from freefloat.errors import InputError
 from freefloat.ik.branches import ArmBranch
 from freefloat.limits.check import Contact, LimitChecker, deepest_contact
@@ -16,7 +17,7 @@ from freefloat.limits.result import LimitResult, violated
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem, require_problem
 from freefloat.planning.answer import Answer, PhaseResult
-from freefloat.planning.motions import SimulatedBranch, integrate_branch, integrate_from
+from freefloat.planning.motions import SimulatedBranch, integrate_from, simulated_branch
 from freefloat.planning.reasons import Verdict, reach_message, unreachable
 from freefloat.so3 import Array
 
@@ -179,12 +180,12 @@ def chosen_branch(problem: Problem, attitude: Array) -> ArmBranch:
     starts, _ = _branches(problem, attitude, None, None)
     limits = limits_for(problem, None)
     checker = None if limits is None else LimitChecker(problem, limits)
-    simulated = [integrate_branch(problem, attitude, start.index) for start in starts]
+    simulated = [simulated_branch(s, precise_motion(problem, attitude, s.joints)) for s in starts]
     return _within_limits(_candidates(simulated), checker)[0][0].branch
 
 
 def _candidates(simulated: list[SimulatedBranch]) -> list[SimulatedBranch]:
-    """The feasible ones of branches, best first; the best of all where there is none."""
+    """The feasible branches, best first; where none is feasible, the best of all."""
     ranked = sorted(simulated, key=_score, reverse=True)
     return [entry for entry in ranked if entry.feasible] or ranked[:1]
 

@@ -66,7 +66,7 @@ class TouchPoint:
 
 
 def touches(smallest: float, level: float) -> bool:
-    """Whether the smallest magnitude of S along a motion is the magnitude of S0, not zero."""
+    """Whether the smallest magnitude of S along a motion is |S0|, and that is not zero."""
     return level != 0.0 and math.isclose(smallest, abs(level), rel_tol=_ON_BOUNDARY)
 
 

@@ -125,8 +125,8 @@ class MarginCurve:
         level: S0; zero for singularity curves.
         first: Whether it is (22a), whose singularities lie in the path-dependent area A, not (22b),
             whose singularities lie in B.
-        whole: Whether q1 takes all values; otherwise both ends are also ends of the other
-            solution.
+        whole: Whether q1 takes all values; otherwise its ends are ends of the other solution,
+            too.
         joints: q1 and q2 along the curve [rad], continuous, shape (K, 2).
         radii: Distance of point 3 from the centre of mass [m], shape (K,).
         covered: Smallest and largest distance along the curve, between its points, too [m].

@@ -58,7 +58,7 @@ class Chunk:
 
 
 def is_bound(key: str) -> bool:
-    """Whether a key is the key of a bound, of a limit or of the margin, that may differ."""
+    """Whether a key names a bound, of a limit or of the margin, that may differ."""
     return key == FRACTION or _BOUND.fullmatch(key) is not None
 
 

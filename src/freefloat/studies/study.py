@@ -230,7 +230,7 @@ class Study:
 
     @property
     def default_start(self) -> StartSection | None:
-        """The arm branch without ``start``; None: the branch of the unvaried scenario's motion."""
+        """The arm branch without ``start``; None stands for the branch of the unvaried motion."""
         if self._centre or not any(key in self.content.vary for key in START_KEYS):
             return None
         joints = (self.base.get("search") or {}).get("joints")

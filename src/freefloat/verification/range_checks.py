@@ -181,8 +181,8 @@ def _contradictions(
 def _is_feasible(evaluator: FeasibilityEvaluator, heading: float, branch: int) -> bool:
     """Whether the precise motion of an arm branch keeps the margin and the limits of attitude.
 
-    Of a redundant arm, whether the motion of any configuration does, tried at the heading or near
-    configurations tried at headings nearby.
+    Of a redundant arm, whether any motion does that begins with a configuration tried at the
+    heading, or near a configuration tried at headings nearby.
     """
     problem = evaluator.problem
     attitude = problem.plane.attitudes(heading)

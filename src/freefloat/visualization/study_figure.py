@@ -74,7 +74,8 @@ def study_figure(
     limited = 2 * np.sum(known & others) > np.sum(known)
     drawn = np.nan_to_num(table["margin"])
     if limited and ratios is not None:
-        drawn = np.where(np.isnan(ratios), np.nanmax(ratios), ratios).clip(max=_LARGEST_RATIO)
+        largest = ratios.max(initial=1.0, where=~np.isnan(ratios))
+        drawn = np.where(np.isnan(ratios), largest, ratios).clip(max=_LARGEST_RATIO)
     every = [key for key in parameters if len(set(table[key].tolist())) > 1]
     strongest = sorted(every, key=lambda key: -_effect(table[key], drawn))[:_MAX_PANELS]
     varied = [key for key in every if key in strongest]

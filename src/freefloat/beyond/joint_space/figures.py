@@ -153,7 +153,7 @@ def reference_configuration(found: SingularityMap) -> Array:
     """A configuration far from singularities, revolute joints at multiples of 5 degrees.
 
     It has the largest magnitude of det A of 4096 samples; joints on which det A does not depend are
-    at zero, or in the middle of a prismatic joint's range, joints of fixed values have these.
+    at zero, or in the middle of a prismatic joint's range; fixed joints keep their values.
     """
     bases = found.polynomial.bases
     lower, upper = (np.array([getattr(b, end) for b in bases]) for end in ("lower", "upper"))

@@ -31,7 +31,7 @@ _MOST_NODES = 500_000
 def singularity_map_report(found: SingularityMap, engine: str) -> tuple[CheckReport, Known]:
     """All checks of a map of the joint space, and what is recomputed.
 
-    The boxes come from the same subdivision again, where it has no more than half a million.
+    The boxes are subdivided again and compared, where a map has at most half a million nodes.
 
     Args:
         found: The map.

@@ -265,7 +265,7 @@ def _apart(
 
 
 def _refined(centre: Array, apart: Inside, target: Array, radius: float) -> Array:
-    """The attitude nearest to a target, of attitudes apart, near a centre."""
+    """The attitude near a centre that is nearest to a target and apart from attitudes outside."""
 
     def merit(attitudes: Array, _: IntArray | None) -> Array:
         return np.where(apart(attitudes), -angle_between(attitudes, target), -np.inf)

@@ -58,7 +58,7 @@ def feasible_peaks(evaluator: FeasibilityEvaluator, samples: AttitudeMap) -> lis
 
 
 def most_robust_first(samples: AttitudeMap, peaks: list[Peak]) -> list[Peak]:
-    """Peaks with the largest margin first, led by the peak farthest from samples outside."""
+    """Peaks by falling margin, led by the peak farthest from samples outside."""
     enough = (1.0 - _EQUAL) * max((peak.minimum_margin for peak in peaks), default=0.0)
 
     def depth(peak: Peak) -> float:

@@ -200,7 +200,7 @@ class JointPaths:
         return np.asarray(self.fixed[0] + unknowns[-1] * self.fixed[1] + self.spread @ rows)
 
     def repeated(self, unknowns: Array) -> Array:
-        """Unknowns of these loops, each nearly the loop of one loop's unknowns."""
+        """Unknowns of as many loops, each nearly the loop of the given unknowns."""
         between = np.zeros(self.joint_count)
         return np.concatenate([unknowns[:-1], between, unknowns[-1:] * self.loops])
 

@@ -79,11 +79,11 @@ class GoalSearch:
         return sorted(paths, key=lambda path: float(np.abs(path.error).sum()))
 
     def least_violations(self, paths: Sequence[Quadratic]) -> tuple[LimitResult, ...]:
-        """Violated limits along that path, of some, that comes nearest to keeping them."""
+        """Violated limits along the path, among some, that comes nearest to keeping them."""
         family, certification = self.families[0].coarse, self.certification
         motions = (certification.along(family, path.course.unknowns) for path in paths)
-        limits = [violated(certification.checker.results(motion)) for motion in motions]
-        return min(limits, key=lambda results: max((entry.ratio for entry in results), default=0.0))
+        broken = [violated(certification.checker.results(motion)) for motion in motions]
+        return min(broken, key=lambda results: max((entry.ratio for entry in results), default=0.0))
 
     def sketch(self, seed: int) -> Motion | None:
         """The motion along the most promising path of a coarse family; None without any."""

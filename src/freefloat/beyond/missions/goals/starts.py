@@ -26,7 +26,7 @@ _FOLLOWED = 32
 """Most arm branches that are followed to the attitudes at which their straight ways end."""
 _CONFIGURATIONS, _DISTINCT = 1024, 0.3
 """Random configurations from which Newton's method leads a redundant arm to the goal's pose where
-its arm branches violate a limit there, and least difference of configurations and branches."""
+its arm branches violate a limit there, and least difference of ends [rad, m]."""
 _ERROR, _TIME = 3.0, 0.05
 """Weights of the error at the end [1/rad, 1/m] and of the duration over half a turn's duration."""
 _MEAN_SQUARE, _LOOK = TermWeights(1.0, 0.0), TermWeights(1.0, 1.0)
