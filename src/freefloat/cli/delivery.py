@@ -58,9 +58,9 @@ class Delivery:
 
         Args:
             result: The result.
-            tables: Its tables and lines.
+            tables: Tables and lines of the result.
             name: Title of the page without a result file.
-            document: Its JSON document; by default its own.
+            document: JSON document that is printed; by default the result's own.
         """
         document = result.to_dict() if document is None else document
         self.console.tables(_not_read(name, result))

@@ -66,7 +66,7 @@ class BundledFile:
     """A file that comes with the package.
 
     Attributes:
-        name: Its name on the command line.
+        name: Name of the file on the command line.
         description: What it is, one line.
         details: Source of a robot; robot and task of a scenario, ``goal`` where it has one in place
             of a path; base and command of a study.

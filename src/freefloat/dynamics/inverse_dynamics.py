@@ -25,7 +25,7 @@ class Forces:
     Attributes:
         rates: Base twist and joint rates, shape (..., 6 + n); all values are NaN in states without
             rates, where the arm is exactly singular.
-        accelerations: Their time derivatives, shape (..., 6 + n).
+        accelerations: Time derivatives of the rates, shape (..., 6 + n).
         base_wrench: Force [N] and moment [N m] on the spacecraft, shape (..., 6); zero but for
             numerical errors. What a table carries is left out.
         joint_torques: Joint torques [N m or N], shape (..., n).

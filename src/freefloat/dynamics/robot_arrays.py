@@ -104,7 +104,7 @@ def spacecraft_moments(
     Args:
         model: Robot.
         joints: Joint values of the further arms [rad or m], shape (..., dof - arm_dof).
-        rates: Their rates, of the same shape.
+        rates: Rates of these joints, of the same shape.
 
     Returns:
         Mass, first moment and inertia as :func:`.inertial_row` returns them, shape (..., 10), and

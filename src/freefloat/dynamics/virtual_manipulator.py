@@ -107,7 +107,7 @@ class VirtualManipulator:
         """Forward kinematics for K joint vectors.
 
         Args:
-            joints: Shape (K, n).
+            joints: Joint values [rad or m], shape (K, n).
 
         Returns:
             In the spacecraft frame, end-effector positions from the centre of mass (K, 3) and
@@ -141,8 +141,8 @@ class VirtualManipulator:
         """Velocities of the end-effector and of its rotation per joint rate, spacecraft frame.
 
         Args:
-            joints: Shape (K, n).
-            placed: Their :meth:`kinematics`.
+            joints: Joint values [rad or m], shape (K, n).
+            placed: Result of :meth:`kinematics` at the joint values.
 
         Returns:
             Shape (n, K, 3) each.

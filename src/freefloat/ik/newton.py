@@ -76,7 +76,7 @@ class Newton:
         Args:
             positions: Positions of the end-effector at K poses, or of E end-effectors, from the
                 centre of mass, spacecraft frame [m], shape (K, 3) or (E, K, 3).
-            rotations: Their rotations, shape (K, 3, 3) or (E, K, 3, 3).
+            rotations: Rotations of the end-effectors, shape (K, 3, 3) or (E, K, 3, 3).
             pose: Numbers of the poses, shape (N,).
             q: Joint values at the start, shape (N, n).
             steps: Largest number of steps.
@@ -151,7 +151,7 @@ class PoseTable:
         task: Part of the poses that is prescribed.
         length: Distance that counts as much as one radian [m].
         joints: Configurations, zero for joints whose angle follows from a pose, shape (n, M).
-        features: Their end-effector poses.
+        features: End-effector poses of the configurations.
         tree: Search tree of the features.
         spacing: Poses that are reached are closer to some in the table.
     """

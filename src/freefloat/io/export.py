@@ -143,7 +143,7 @@ def export(
     Args:
         result: A motion, or a plan, simulation or goal, whose motion is written, or a
             manoeuvre.
-        file: Its suffix is the format: ``.csv``, ``.mat``, ``.json``, ``.yaml`` (a ROS 2
+        file: File, whose suffix is the format: ``.csv``, ``.mat``, ``.json``, ``.yaml`` (a ROS 2
             JointTrajectory), ``.mcap``, ``.aem``, ``.xml`` (MJCF).
         times: Number of evenly spaced times, of each phase; default is 501. MJCF has the ends.
         rate: Samples per second [Hz], given in place of times.
@@ -151,7 +151,7 @@ def export(
         frame: Name of the inertial axes in AEM.
         object_name: Name of the spacecraft in AEM; default is the robot's name, or
             ``spacecraft`` where it was assembled from an arm.
-        object_id: Its identifier in AEM, such as ``2026-001A``; default is the name.
+        object_id: Identifier of the spacecraft in AEM, such as ``2026-001A``; default is the name.
 
     Raises:
         InputError: If the suffix is unknown, there is no motion or the format cannot hold it, or

@@ -30,7 +30,7 @@ class Header:
         epoch: Instant of t = 0; UTC where it has no time zone.
         frame: Name of the inertial axes.
         object_name: Name of the spacecraft; None for the name of the robot.
-        object_id: Its identifier, such as ``2026-001A``; None for the name.
+        object_id: Identifier of the spacecraft, such as ``2026-001A``; None for the name.
 
     Raises:
         InputError: If a name is empty, or has characters that no line of ASCII has.

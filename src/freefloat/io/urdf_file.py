@@ -36,7 +36,7 @@ class UrdfFile:
     Attributes:
         file: The URDF file.
         model: The robot.
-        meshes: Its mesh files as the URDF names them.
+        meshes: Mesh files of the robot as the URDF names them.
         missing: A sentence for each mesh file that does not exist.
     """
 

@@ -50,7 +50,7 @@ def held_pairs(
 
     Args:
         model: The robot.
-        shapes: Its shapes.
+        shapes: Shapes of the robot.
         clearance: Distance up to which pairs are too near [m].
     """
     above, adjacent = _joints_above(model.description), uncompared_links(model.description)
@@ -83,7 +83,7 @@ def always_near(
 
     Args:
         model: The robot.
-        shapes: Its shapes.
+        shapes: Shapes of the robot.
         pairs: Pairs that are too near wherever the moving joints are, K of them.
         clearance: Distance up to which they are too near [m].
 

@@ -65,7 +65,7 @@ class RecordedLimits:
 
         Args:
             problem: The problem.
-            limits: Its limits.
+            limits: Limits of the problem.
             moved: Whether durations or robots vary, so that the bodies of a scene are elsewhere.
 
         Raises:

@@ -85,7 +85,7 @@ class ArmCurve:
 
     Attributes:
         waypoints: Joint values [rad or m], shape (k, n), k of at least two.
-        times: Their times [s], rising from 0, shape (k,).
+        times: Times of the waypoints [s], rising from 0, shape (k,).
 
     Raises:
         InputError: If the numbers of waypoints and times differ, or times do not rise from 0.

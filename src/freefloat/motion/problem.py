@@ -62,8 +62,8 @@ class Problem(BranchesOnPath):
             ``("gjm", 0.05)``; by default none, of det S*.
         redundancy: Null-space motion of a redundant arm; by default the joint rates have the
             smallest Euclidean norm.
-        start_joints: Of the arm configurations at the start of the path only the one closest to
-            these joint values is considered, shape (n,); all when left out.
+        start_joints: Joint values, shape (n,); only the arm configuration at the start of the path
+            that is closest to them is considered; all configurations when left out.
         scene: Bodies beside the robot, and the corridor of the end-effector.
         wheel_momentum: Part of the momentum that wheels store, constant in the spacecraft frame
             [N m s], shape (3,): the wheels turn with constant rates relative to the spacecraft, and

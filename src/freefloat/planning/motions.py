@@ -35,7 +35,7 @@ class SimulatedBranch:
 
     Attributes:
         branch: The arm at the start.
-        motion: Its motion along the path.
+        motion: Motion from that start along the path.
         closest_approach: Closest approach to a dynamic singularity, by the problem's measure.
     """
 

@@ -54,7 +54,7 @@ class Verdict:
         cause: What decides; a motion is feasible where everything is kept.
         name: Name of the measure, or of all limits that are violated: ``joint_range and pointing``.
         where: Joint, link or pair of links of the first.
-        time: Its instant [s].
+        time: Instant that decides [s].
         value: Value at that instant.
         allowed: Bound of a measure.
         sentence: How limits are violated, or what is kept.

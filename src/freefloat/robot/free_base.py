@@ -80,7 +80,7 @@ def add_table(robot: Element, root: str) -> None:
 
     Args:
         robot: The element, of lxml or of the standard library, which is changed.
-        root: Its root link.
+        root: Root link of the robot.
     """
     names, name = {child.get("name") for child in robot}, "table"
     while names & {name, f"{name}_joint"}:

@@ -50,7 +50,7 @@ class Chunk:
 
     Attributes:
         first: Number of the first run of their group.
-        numbers: Their numbers, ascending.
+        numbers: Numbers of the runs, ascending.
     """
 
     first: int
@@ -158,7 +158,7 @@ class Line:
     """A path along a line whose ends vary.
 
     Attributes:
-        ends: Its ends in the frame of the path [m], shape (2, 3).
+        ends: Ends of the line in the frame of the path [m], shape (2, 3).
         axes: Rotation from this frame to the inertial one, shape (3, 3).
     """
 

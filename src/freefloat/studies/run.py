@@ -56,7 +56,7 @@ class RunResult:
 
     Attributes:
         number: Number of the run.
-        values: Its results by column.
+        values: Results of the run by column.
         content: Bytes of its result file.
     """
 

@@ -49,7 +49,7 @@ class Study:
 
     Attributes:
         source: The study file.
-        content: Its data.
+        content: Data of the study file.
         base_source: The base scenario's file.
         base: Data of the base scenario.
     """

@@ -80,7 +80,7 @@ class VariedRobot:
 
     Attributes:
         model: The robot with nominal values.
-        section: Its section in the scenario.
+        section: Section of the robot in the scenario.
         model_of: Builds the model of a run.
         present: Attitude and joints in whose spacecraft frame the path is stated; None for a path
             that does not depend on the robot.

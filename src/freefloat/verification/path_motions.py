@@ -173,7 +173,7 @@ def _report(
 
     Args:
         result: The result.
-        chosen: Its motion.
+        chosen: Chosen motion of the result.
         keeps_limits: Whether the motion is to keep its limits.
         keeps_margin: Whether it is to keep its margin.
         stated: Checks of what the result states beyond the motion.

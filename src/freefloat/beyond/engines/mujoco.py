@@ -154,7 +154,7 @@ def forward_run(motion: Motion, engine: MuJoCoModel, *, steps: int | None = None
 
     Args:
         motion: The recorded motion.
-        engine: Its robot.
+        engine: Robot of the motion in MuJoCo.
         steps: Number of steps; by default it follows from the length of the motion.
     """
     reference = Reference.of(motion, steps)

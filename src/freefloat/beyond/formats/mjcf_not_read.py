@@ -174,7 +174,7 @@ def _properties(
         plain: The plain model.
         place: Prefix of the arrays, the object's number in the model, and the plain one's number.
         element: The element in what is listed.
-        line: Its line.
+        line: Line of the element.
     """
     prefix, number, reference = place
     used = _USED[prefix].split()

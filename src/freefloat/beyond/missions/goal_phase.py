@@ -29,7 +29,7 @@ class GoalPhase(Phase):
 
     Attributes:
         goal: What shall hold at the end; an inertial pose is in the frame of the manoeuvre.
-        name: Its name; by default ``"goal"``, with a number where another phase has that name.
+        name: Name of the phase; by default ``"goal"``, with a number where another has that name.
         seed: Seed of the random paths of the search.
 
     Example:

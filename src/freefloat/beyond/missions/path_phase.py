@@ -53,8 +53,8 @@ class PathPhase(Phase):
         path: Path in the frame of the manoeuvre or of a body of the scene, or a goal with a
             pose in the frame of no body and a duration, to which the shortest way leads. It begins
             with the pose and the twist of the end-effector at the end of the phase before.
-        name: Its name; by default ``"to"`` for a pose, else ``"path"``, with a number where another
-            phase has that name.
+        name: Name of the phase; by default ``"to"`` for a pose, else ``"path"``, with a number
+            where another phase has that name.
         margin: Required magnitude of the first path's measure.
         redundancy: Null-space motion of redundant arms.
 
@@ -202,7 +202,7 @@ def require_continuous(path: TimedPath, pose: Pose, twist: Array | None, problem
         path: The path.
         pose: Pose of the end-effector, in the frame of the path.
         twist: Twist in that frame [m/s; rad/s], shape (6,); None where it is not known.
-        problem: Its task is the part of both that counts.
+        problem: Problem whose task is the part of both that counts.
     """
     jump = float(np.abs(_offset(path, pose, problem)).max())
     if jump > JUMP:

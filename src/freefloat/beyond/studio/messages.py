@@ -132,7 +132,7 @@ class WorkerState:
 
     Attributes:
         text: The scenario.
-        source: Its file, to which its paths are relative.
+        source: File of the scenario, to which its paths are relative.
         attitude: Chosen initial attitude x, y, z, w; None for the best one.
         choice: Number of the choice of the attitude.
         dragging: Whether an edit is under way: motions wait until it is done.

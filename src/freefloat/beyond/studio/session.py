@@ -237,8 +237,8 @@ class Document:
 
     Attributes:
         name: What it was opened as.
-        source: Its file.
-        text: Its text, with the comments of the file while it is not edited.
+        source: File of the scenario.
+        text: Text of the scenario, with the comments of the file while it is not edited.
         content: The data of the text, without keys whose value is null.
         ends: Ends of the sliders.
     """

@@ -50,8 +50,8 @@ class Scenario(PlannedScenario):
 
     Attributes:
         source: The file.
-        text: Its text.
-        content: Its data.
+        text: Text of the file.
+        content: Data of the file.
         samples: Texts of the CSV files of its paths, by the names that it gives them.
         robot: The robot, if it does not come from the files that the scenario names.
         shapes: Shapes of bodies of the scene, by name, likewise.

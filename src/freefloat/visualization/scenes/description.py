@@ -66,7 +66,7 @@ class TitledScene:
     Attributes:
         title: The title.
         node: Name of its node in the scene tree.
-        labels: Its labels.
+        labels: Labels of the scene.
         begin: Start of the motion [s].
         end: End of the motion [s].
         ending: How the motion ended, a word; None for maps.
@@ -95,8 +95,8 @@ class Samples:
     """Samples of a map that can be pointed at.
 
     Attributes:
-        points: Their places in the scene [m], shape (K, 3): rotation vectors or, over headings,
-            points on the unit circle.
+        points: Places of the samples in the scene [m], shape (K, 3): rotation vectors or, over
+            headings, points on the unit circle.
         margins: Minimum margins, shape (K, C): zero for motions that end early, negative where the
             start of the path is not reached.
         columns: What each column is of: the titles of the arm branches.
@@ -116,7 +116,7 @@ class View:
 
     Attributes:
         centre: Centre of a ball that contains the scene [m].
-        radius: Its radius [m].
+        radius: Radius of that ball [m].
         points: Points that the picture must contain [m].
         direction: Direction from the centre to the eye.
         flat: Whether the scene lies in the x-y plane.

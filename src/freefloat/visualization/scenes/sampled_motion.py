@@ -76,7 +76,7 @@ class SampledMotion:
         pointing: Limits of pointing that are drawn.
         times: Key times [s], shape (K,).
         positions: Positions of the bodies and the end-effector [m], shape (K, bodies, 3).
-        rotations: Their axes, shape (K, bodies, 3, 3).
+        rotations: Axes of the bodies, shape (K, bodies, 3, 3).
         joints: Joint values [rad or m], shape (K, n).
         values: Magnitudes of the measure, shape (K,).
         fractions: Values of s, shape (K,).

@@ -55,7 +55,7 @@ class Surroundings:
         times: The key times [s], shape (K,).
         poses: Frames of the bodies at these times.
         corridor: Frames of the corridor at these times; None without one.
-        visuals: Their shapes.
+        visuals: Shapes of the bodies.
     """
 
     motion: Motion

@@ -31,7 +31,7 @@ class AttitudeBuffers(NamedTuple):
 
     Attributes:
         attitudes: Attitudes at the ends of N intervals, the first one given, shape (N + 1, 3, 3).
-        turns: Their variations, rotation vectors in the spacecraft frame, (N + 1, 3, unknowns).
+        turns: Variations of these as rotation vectors, spacecraft frame, (N + 1, 3, unknowns).
         omega: Angular velocity by s at the Gauss points, shape (2 N, 3).
         slopes: Derivatives of omega, shape (2 N, 3, unknowns).
     """

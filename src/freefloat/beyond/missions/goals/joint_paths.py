@@ -49,7 +49,7 @@ class JointCourse(NamedTuple):
     Attributes:
         unknowns: Unknowns of the path, shape (K n + 1,).
         joints: Joint values at the ends of the intervals, shape (N + 1, n).
-        rates: Their derivatives by s at the Gauss points, shape (2 N, n).
+        rates: Derivatives of the joints by s at the Gauss points, shape (2 N, n).
         attitudes: Attitudes at the ends of the intervals, shape (N + 1, 3, 3).
         turns: Derivatives of the attitudes, rotation vectors in the spacecraft frame, shape
             (N + 1, 3, K n + 1).

@@ -22,7 +22,7 @@ class PlacedArm:
     """A robot in many configurations.
 
     Attributes:
-        robot: Its arrays for the kernels.
+        robot: Arrays of the robot for the kernels.
         prismatic: Which joints are prismatic, shape (n,).
         mass: Mass of the system [kg].
         rotations: Rotations of the bodies' frames in their link frames, shape (n, 3, 3).
@@ -54,7 +54,7 @@ class Placements(NamedTuple):
         origins: Origins of the bodies' frames [m], shape (K, 1 + n, 3).
         axes: Axes of the joints, shape (K, n, 3).
         centres: Centres of mass of the system, on a table below or above them [m], shape (K, 3).
-        centre_rates: Their derivatives by the joints, shape (K, 3, n).
+        centre_rates: Derivatives of the centres by the joints, shape (K, 3, n).
     """
 
     rotations: Array

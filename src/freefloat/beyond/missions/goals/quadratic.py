@@ -76,12 +76,12 @@ class Quadratic:
     Attributes:
         course: The path.
         smooth: What is minimized, without penalties of violations.
-        gradient: Its gradient, shape (unknowns,).
-        matrix: Its second derivatives, shape (unknowns, unknowns).
+        gradient: Gradient of ``smooth``, shape (unknowns,).
+        matrix: Second derivatives of ``smooth``, shape (unknowns, unknowns).
         hinges: How far limits are violated, negative where they are kept, weighted, shape (M,).
         slopes: Derivatives of the hinges, shape (M, unknowns).
         error: Residuals of the end, shape (size,).
-        jacobian: Their derivatives, shape (size, unknowns).
+        jacobian: Derivatives of the residuals, shape (size, unknowns).
     """
 
     course: JointCourse
