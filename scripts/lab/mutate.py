@@ -40,19 +40,20 @@ TESTS = {
     "dynamics.momentum": "tests/dynamics/test_momentum.py tests/validation/test_planar_golden.py",
     "io.results": "tests/io/test_results.py tests/io/test_scene_section.py "
     f"tests/singularities/test_singularity_map.py {LOADED} {ARMS} {KINDS}",
-    "kinds": "tests/test_result_kinds.py tests/io/test_export.py tests/studies/test_track.py",
-    "limits": f"tests/limits {KINDS}",
+    "kinds": "tests/test_result_kinds.py tests/io/test_export.py tests/studies/test_track.py "
+    "tests/visualization/test_page.py tests/verification/test_check.py",
+    "limits": f"tests/limits {KINDS} tests/studies/test_whole_scenarios.py",
     "motion.integration": "tests/motion/test_integration.py tests/motion/test_motion.py "
     "tests/motion/test_extrema.py",
     "motion.problem": "tests/motion/test_problem.py tests/test_misuse.py tests/scene "
-    "tests/motion/test_two_arms.py tests/limits/test_clearance.py",
+    "tests/motion/test_two_arms.py tests/limits/test_clearance.py tests/missions/test_mission.py",
     "motion.law": "tests/motion/test_law.py tests/motion/test_two_arms.py "
     "tests/validation/test_mujoco.py",
     "beyond.missions.manoeuvre_planner": "tests/missions/test_phases.py "
     "tests/missions/test_manoeuvre.py tests/missions/test_phase_limits.py",
     "planning.plane.ranges": f"tests/planning/test_planar_ranges.py {RANGES}[2] {RANGES}[4]",
     "planning.touch_points": "tests/planning/test_touch_points.py -k 'not brute_force'",
-    "codec": "tests/test_records.py",
+    "codec": f"tests/test_records.py {KINDS}",
 }
 """Arguments of pytest: the tests of a module or package, without its slowest."""
 LIBRARIES = ("numba", "pinocchio", "scipy.optimize", "pydantic", "pytest", "hypothesis", "mujoco")
