@@ -29,8 +29,9 @@ from freefloat.motion.problem import Problem
 from freefloat.so3 import Array, BoolArray
 
 _ELSEWHERE = (*KNOWN, JointTorqueLimit.name)
-_OTHERS = (kind for kind in KINDS if kind.name not in _ELSEWHERE)
-ALONG = tuple(sorted(_OTHERS, key=lambda kind: kind is ClearanceLimit))
+ALONG = tuple(sorted(
+    (kind for kind in KINDS if kind.name not in _ELSEWHERE), key=lambda kind: kind is ClearanceLimit
+))  # fmt: skip
 """Limits that are checked one motion after the other, the slowest last."""
 _PANELS = 16, 64
 """Least numbers of panels of motions; the second where the first does not resolve torques."""

@@ -78,7 +78,7 @@ def descriptions(section: type[BaseModel]) -> dict[str, str]:
         for field, below in pairwise(definition.body):  # type: ignore[attr-defined]
             if isinstance(field, ast.AnnAssign) and isinstance(below, ast.Expr):
                 text = inspect.cleandoc(ast.literal_eval(below.value))
-                texts[field.target.id] = text  # type: ignore[union-attr]
+                texts[ast.unparse(field.target)] = text
     return texts
 
 
