@@ -20,8 +20,8 @@ _JOINT_SAMPLES, _REFINED = 4096, 8
 _MOST_STEPS, _DIFFERENCE, _FLATTEST = 60, 5e-6, 1e-5
 """Newton's method: largest number of steps, differences [rad or m] of derivatives, and smallest
 second derivative, relative to the largest."""
-_LONGEST, _SHORTEST = 0.5, 1e-7
-"""Longest and shortest step [rad or m]."""
+_LONGEST, _SHORTEST, _LEAST_GAIN = 0.5, 1e-7, 1e-12
+"""Longest and shortest step [rad or m], and the smallest gain of a step, relative to the scale."""
 _FRACTIONS = 4.0 ** np.arange(1.0, -4.0, -1.0)
 """Fractions of Newton's step that are tried."""
 Function = Callable[[Array], Any]
@@ -190,7 +190,7 @@ def _minima(model: FreeFloatingModel, measure: Function, scale: float, points: A
         trials = np.clip(at + _FRACTIONS[:, None, None] * steps, lower, upper)
         found = function(trials.reshape(-1, at.shape[1])).reshape(len(_FRACTIONS), -1)
         best, every = found.argmin(axis=0), np.arange(len(left))
-        lowered = found[best, every] < values[left]
+        lowered = found[best, every] < values[left] - _LEAST_GAIN
         points[left[lowered]] = trials[best, every][lowered]
         values[left[lowered]] = found[best, every][lowered]
         left = left[lowered & (np.abs(steps).max(axis=1) > _SHORTEST)]

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from functools import cache
 from importlib import import_module
-from importlib.metadata import PackageNotFoundError, PackagePath, distribution
+from importlib.metadata import PackageNotFoundError, distribution
 from importlib.util import find_spec
 from pathlib import Path
 from pkgutil import iter_modules
@@ -260,11 +260,13 @@ def examples_folder() -> Path:
     Raises:
         InputError: If the package is not installed.
     """
-    listed: Sequence[PackagePath] = ()
+    folders: list[Path] = []
     with suppress(PackageNotFoundError):
-        listed = distribution(_EXAMPLES).files or ()
-    declared = (file for file in listed if file.match(f"{_EXAMPLES}/package.xml"))
-    folders = [Path(str(file.locate())).parent for file in declared]
+        package = distribution(_EXAMPLES)
+        record = package.read_text("RECORD") or ""
+        listed = (line.partition(",")[0] for line in record.splitlines())
+        declared = (file for file in listed if file.endswith(f"{_EXAMPLES}/package.xml"))
+        folders = [Path(str(package.locate_file(file))).parent for file in declared]
     for folder in (*folders, Path(sysconfig.get_path("data")) / "share" / _EXAMPLES):
         if (folder / "robots").is_dir():
             return folder / "robots"
