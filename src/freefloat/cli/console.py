@@ -73,13 +73,16 @@ class Console:
         Yields:
             A function to be called with the fraction done, in [0, 1].
         """
-        from rich.progress import Progress
-
-        if not (self.quiet or sys.stderr.isatty()):
+        if self.quiet:
+            yield lambda done: None
+            return
+        if not sys.stderr.isatty():
             with _reports(description) as report:
                 yield report
             return
-        with Progress(console=RichConsole(stderr=True), transient=True, disable=self.quiet) as bar:
+        from rich.progress import Progress
+
+        with Progress(console=RichConsole(stderr=True), transient=True) as bar:
             task = bar.add_task(description, total=None)
             compiling = f"{description}: compiling kernels (about 10 s, once per machine)"
             notice = Timer(_PATIENCE, bar.update, (task,), {"description": compiling})
