@@ -4,17 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Literal, cast
+from typing import TYPE_CHECKING, Any, Literal, cast
 
 import numpy as np
 from pydantic import model_validator
 
-from freefloat.beyond.missions.capture_phase import CapturePhase
-from freefloat.beyond.missions.goal_phase import GoalPhase
-from freefloat.beyond.missions.goals.goal import Goal, require_inside
-from freefloat.beyond.missions.manoeuvre import Phase
-from freefloat.beyond.missions.path_phase import PathPhase
-from freefloat.beyond.missions.state import keys_within
 from freefloat.dynamics.tasks import Task
 from freefloat.errors import InputError
 from freefloat.io.scenario.field_types import (
@@ -38,6 +32,10 @@ from freefloat.paths.timed_path import TimedPath
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.scene.scene import Scene
 from freefloat.so3 import Pose
+
+if TYPE_CHECKING:  # every scenario file has these keys, few have phases
+    from freefloat.beyond.missions.goals.goal import Goal
+    from freefloat.beyond.missions.manoeuvre import Phase
 
 
 class PoseSection(Section):
@@ -80,6 +78,8 @@ class GoalSection(Section):
 
     def to_goal(self, model: FreeFloatingModel) -> Goal:
         """The goal; raises an InputError if a value is invalid, naming keys below ``goal``."""
+        from freefloat.beyond.missions.goals.goal import Goal
+
         pose, frame = None, "inertial"
         if self.pose is not None:
             pose, frame = self.pose.to_pose("goal.pose"), self.pose.frame
@@ -164,6 +164,11 @@ class PhaseSection(Section):
         Raises:
             InputError: If a value is invalid; keys are below the key of its kind.
         """
+        from freefloat.beyond.missions.capture_phase import CapturePhase
+        from freefloat.beyond.missions.goal_phase import GoalPhase
+        from freefloat.beyond.missions.goals.goal import Goal, require_inside
+        from freefloat.beyond.missions.path_phase import PathPhase
+
         name = self.name or ""
         if self.capture is not None:
             inertia, com = self.capture.inertia, self.capture.com
@@ -188,6 +193,8 @@ class PhaseSection(Section):
     def _path(
         self, task: Task, scene: Scene, folder: Path, samples: Mapping[str, str]
     ) -> TimedPath | RelativePath:
+        from freefloat.beyond.missions.state import keys_within
+
         section, timing = cast(PathSection, self.path), cast(TimingSection, self.timing)
         kind = section.frame
         known = [FrameName.INERTIAL, *scene.names]
@@ -206,6 +213,10 @@ def phases_content(phases: Sequence[Phase]) -> tuple[list[dict[str, Any]], dict[
     Raises:
         InputError: If scenario files cannot describe one.
     """
+    from freefloat.beyond.missions.goals.goal import Goal
+    from freefloat.beyond.missions.path_phase import PathPhase
+    from freefloat.beyond.missions.state import keys_within
+
     contents: list[dict[str, Any]] = []
     samples: dict[str, str] = {}
     for number, phase in enumerate(phases):
