@@ -12,6 +12,7 @@ from __future__ import annotations
 import os
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as the command does; read with numpy
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # commands import modules that were compiled before
 
 import argparse
 import sys

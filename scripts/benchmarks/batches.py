@@ -132,10 +132,11 @@ def vector(row: dict[str, Any], name: str) -> np.ndarray:
 
 
 _WITH_PEAK = """
-import pathlib, resource, subprocess, sys
-code = subprocess.run(sys.argv[2:]).returncode
-peak = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss
-pathlib.Path(sys.argv[1]).write_text(str(peak), "utf-8")
+import os, resource, sys
+child = os.posix_spawn(sys.argv[2], sys.argv[2:], os.environ)
+code = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+with open(sys.argv[1], "w") as file:
+    file.write(str(resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss))
 sys.exit(code)
 """
 """Notes the memory of a command: a process begins with the peak of the one that starts it."""
@@ -147,7 +148,7 @@ def study(case: Case, quick: bool) -> list[Result]:
     with tempfile.TemporaryDirectory() as place:
         file, out = write_study(case, _TO_COMPILE, Path(place)), Path(place) / "out"
         peak, batch = Path(place, "peak"), (PROGRAM, "batch", str(file), "-o", str(out), "--quiet")
-        command = run(sys.executable, "-c", _WITH_PEAK, str(peak), *batch)
+        command = run(sys.executable, "-S", "-c", _WITH_PEAK, str(peak), *batch)
         command()
         write_study(case, runs, Path(place))
         loaded = ff.load_study(file)
