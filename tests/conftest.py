@@ -16,7 +16,7 @@ from playwright.sync_api import Browser, sync_playwright
 
 from freefloat.attitude_grids import attitude_grid
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
-from freefloat.io.scenario.scenario import load_scenario
+from freefloat.io.scenario.loading import load_scenario
 from freefloat.motion.problem import Problem
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.named_files import models_folder

@@ -25,7 +25,7 @@ from scipy.spatial.transform import Rotation
 from freefloat.ensemble.endings import COMPLETED, FAILED, SINGULAR
 from freefloat.ensemble.ensemble import EnsembleIntegrator
 from freefloat.errors import IntegrationError
-from freefloat.io.scenario.scenario import load_scenario
+from freefloat.io.scenario.loading import load_scenario
 from freefloat.motion.extrema import closest_approach
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.motion import Ending

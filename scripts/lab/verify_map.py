@@ -23,7 +23,7 @@ from rich.table import Table
 from scipy.spatial.transform import Rotation
 
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
-from freefloat.io.scenario.scenario import load_scenario
+from freefloat.io.scenario.loading import load_scenario
 from freefloat.motion.margin import Margin
 from freefloat.motion.problem import Problem
 from freefloat.planning.planner import plan

@@ -18,7 +18,7 @@ from .paths.timing import Timing as Timing
 # The paper: the problem
 from .motion.margin import Margin as Margin
 from .motion.problem import Problem as Problem
-from .io.scenario.scenario import load_scenario as load_scenario
+from .io.scenario.loading import load_scenario as load_scenario
 
 # The paper: one motion
 from .motion.integration import integrate_motion as integrate_motion

@@ -10,7 +10,7 @@ import freefloat as ff
 from freefloat.beyond.engines.mujoco import forward_run
 from freefloat.beyond.engines.mujoco_model import MuJoCoModel
 from freefloat.certificate.certificate import certify, integrate_again
-from freefloat.io.scenario.scenario import parse_scenario
+from freefloat.io.scenario.loading import parse_scenario
 from freefloat.motion.motion import Ending
 from freefloat.motion.panels import DEGREE
 from tests.motions import GOOD, bundled, heading, simulated

@@ -13,7 +13,7 @@ import yaml
 import yourdfpy
 
 from freefloat.dynamics.momentum import inertia_matrices
-from freefloat.io.scenario.scenario import load_scenario
+from freefloat.io.scenario.loading import load_scenario
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.named_files import EXAMPLE, find_robot
 from freefloat.robot.parts import Mount, Payload, Spacecraft

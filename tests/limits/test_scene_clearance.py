@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import minimize_scalar
 from scipy.spatial.transform import Rotation
 
-from freefloat.io.scenario.scenario import load_scenario
+from freefloat.io.scenario.loading import load_scenario
 from freefloat.limits.check import check_limits, deepest_contact
 from freefloat.limits.clearance import clearance
 from freefloat.limits.limits import Limits

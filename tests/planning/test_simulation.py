@@ -11,7 +11,7 @@ import pytest
 import freefloat as ff
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.errors import UnreachableError
-from freefloat.io.scenario.scenario import parse_scenario
+from freefloat.io.scenario.loading import parse_scenario
 from freefloat.motion.extrema import joint_extents
 from freefloat.motion.motion import Ending
 from freefloat.paths.curves import PolynomialCurve

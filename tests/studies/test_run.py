@@ -17,7 +17,7 @@ import freefloat as ff
 from freefloat.beyond.engines.track_runs import followed_motion
 from freefloat.beyond.formats.mjcf_file import robot_mjcf
 from freefloat.io.results import load
-from freefloat.io.scenario.scenario import load_scenario
+from freefloat.io.scenario.loading import load_scenario
 from freefloat.planning.simulation import simulate
 from freefloat.robot.named_files import find_scenario
 from freefloat.so3 import heading_quaternion

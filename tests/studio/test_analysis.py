@@ -14,7 +14,7 @@ import freefloat as ff
 from freefloat.beyond.studio.analyses import PathAnalysis
 from freefloat.beyond.studio.analysis import RobotCache
 from freefloat.beyond.studio.messages import WorkerState
-from freefloat.io.scenario.scenario import parse_scenario
+from freefloat.io.scenario.loading import parse_scenario
 from freefloat.robot.named_files import find_scenario
 
 

@@ -24,7 +24,7 @@ from freefloat.dynamics.summary import natural_task
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.errors import FreeFloatError
 from freefloat.io.results import load
-from freefloat.io.scenario.scenario import load_scenario
+from freefloat.io.scenario.loading import load_scenario
 from freefloat.io.scenario.schema import ScenarioFile
 from freefloat.io.scenario.yaml import validated
 from freefloat.limits.pairs import CollisionPairs

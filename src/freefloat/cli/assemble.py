@@ -67,7 +67,7 @@ def assemble(
 
     Example: freefloat assemble ur5_servicer/arc -o servicer.urdf
     """
-    from freefloat.io.scenario.scenario import load_robot
+    from freefloat.io.scenario.loading import load_robot
     from freefloat.io.urdf_file import write_urdf
     from freefloat.robot.model import FreeFloatingModel
     from freefloat.robot.named_files import is_scenario

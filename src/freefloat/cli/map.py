@@ -78,7 +78,7 @@ def map_(
 
     Example: freefloat map spatial_6dof/line --samples 4096 --nearest 0 0 0 1 -o map.h5
     """
-    from freefloat.io.scenario.scenario import load_scenario
+    from freefloat.io.scenario.loading import load_scenario
 
     console = Console(as_json, quiet)
     loaded = load_scenario(scenario)

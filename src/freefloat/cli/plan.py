@@ -63,7 +63,7 @@ def plan(
 
     Example: freefloat plan spatial_6dof/line --json
     """
-    from freefloat.io.scenario.scenario import load_scenario
+    from freefloat.io.scenario.loading import load_scenario
 
     console = Console(as_json, quiet)
     delivery = Delivery(console, output, html, plots, threads)

@@ -87,7 +87,7 @@ def load_robot(
     """The robot of a scenario or a URDF; exits with its errors if it has some."""
     from freefloat.dynamics.measures import singularity_measure
     from freefloat.dynamics.summary import natural_task
-    from freefloat.io.scenario.scenario import load_scenario
+    from freefloat.io.scenario.loading import load_scenario
     from freefloat.robot import named_files
     from freefloat.robot.model import FreeFloatingModel
     from freefloat.robot.named_files import DESCRIPTIONS, EXAMPLE

@@ -75,7 +75,7 @@ def simulate(
         number = "neither" if attitude is None else "both"
         accepted = "--attitude X Y Z W, or --heading DEG for planar tasks and on a table"
         raise InputError("attitude", f"{number} of --attitude and --heading given", accepted)
-    from freefloat.io.scenario.scenario import load_scenario
+    from freefloat.io.scenario.loading import load_scenario
 
     console = Console(as_json, quiet)
     loaded = load_scenario(scenario)

@@ -22,7 +22,7 @@ def workspace(scenario: ScenarioName, as_json: Json = False, quiet: Quiet = Fals
 
     Example: freefloat workspace planar_3dof/parabola
     """
-    from freefloat.io.scenario.scenario import load_scenario
+    from freefloat.io.scenario.loading import load_scenario
     from freefloat.regions.workspace import workspace_regions
 
     console = Console(as_json, quiet)

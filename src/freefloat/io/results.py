@@ -18,7 +18,8 @@ import numpy as np
 
 from freefloat.errors import InputError, require_type
 from freefloat.io.files import require_result_name
-from freefloat.io.scenario.scenario import Scenario, parse_scenario
+from freefloat.io.scenario.loading import parse_scenario
+from freefloat.io.scenario.scenario import Scenario
 from freefloat.io.scenario.scene_section import parse_shapes, shapes_text
 from freefloat.io.verified_hdf5 import AlteredFileError, read_hdf5, write_hdf5
 from freefloat.kinds import RESULT_KINDS, ResultKind, kind_of, named

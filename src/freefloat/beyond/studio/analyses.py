@@ -22,7 +22,8 @@ from freefloat.beyond.studio.messages import WorkerAnswer, WorkerState
 from freefloat.beyond.studio.outline import outline, rounded_rpy
 from freefloat.concurrency import Progress
 from freefloat.errors import InputError
-from freefloat.io.scenario.scenario import Scenario, parse_scenario
+from freefloat.io.scenario.loading import parse_scenario
+from freefloat.io.scenario.scenario import Scenario
 from freefloat.kinds import SECTIONS, named
 from freefloat.limits.check import check_limits
 from freefloat.motion.motion import Motion

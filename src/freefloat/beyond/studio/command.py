@@ -55,7 +55,7 @@ def studio(
     """
     from freefloat.beyond.studio.command import redirect_page
     from freefloat.beyond.studio.server import serve_studio
-    from freefloat.io.scenario.scenario import load_scenario
+    from freefloat.io.scenario.loading import load_scenario
     from freefloat.visualization.page.server import has_display, open_browser
 
     load_scenario(scenario)  # its errors belong on the terminal

@@ -26,7 +26,8 @@ from freefloat.beyond.studio.messages import (
 )
 from freefloat.beyond.studio.worker import WorkerProcess
 from freefloat.errors import FreeFloatError, InputError
-from freefloat.io.scenario.scenario import Scenario, load_scenario
+from freefloat.io.scenario.loading import load_scenario
+from freefloat.io.scenario.scenario import Scenario
 from freefloat.io.scenario.yaml import parse_yaml
 from freefloat.robot.named_files import bundled_scenarios
 from freefloat.rotations import Rotation

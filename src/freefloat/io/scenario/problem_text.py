@@ -11,9 +11,10 @@ import yaml
 from freefloat.dynamics.redundancy import Toward
 from freefloat.io.scenario.arms_section import arms_content
 from freefloat.io.scenario.limits_section import limits_content
+from freefloat.io.scenario.loading import parse_scenario
 from freefloat.io.scenario.path_schema import inexpressible, timing_content
 from freefloat.io.scenario.path_section import section_of, sections_of_arms
-from freefloat.io.scenario.scenario import Scenario, parse_scenario
+from freefloat.io.scenario.scenario import Scenario
 from freefloat.io.scenario.scene_section import file_shapes, scene_content
 from freefloat.limits.limits import Limits, limits_for
 from freefloat.motion.problem import Problem

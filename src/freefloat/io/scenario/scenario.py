@@ -1,18 +1,18 @@
-"""Scenario files: a problem, its search and its limits as YAML, and back."""
+"""What a scenario file poses: a problem, its search, its limits; and what planning finds."""
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import yaml
+import numpy.typing as npt
 
+from freefloat.concurrency import Progress
 from freefloat.dynamics.measures import singularity_measure
 from freefloat.dynamics.redundancy import Redundancy
 from freefloat.dynamics.system import System
@@ -21,11 +21,9 @@ from freefloat.io.scenario.arms_section import curves_of
 from freefloat.io.scenario.limits_section import limits_of
 from freefloat.io.scenario.path_schema import PathSection
 from freefloat.io.scenario.path_section import frame_of, path_of
-from freefloat.io.scenario.planned import PlannedScenario
-from freefloat.io.scenario.robot_section import RobotFile
 from freefloat.io.scenario.scene_section import FileShapes
-from freefloat.io.scenario.schema import OF_PATHS, ScenarioFile
-from freefloat.io.scenario.yaml import error_context, file_keys, parse_yaml, read_text, validated
+from freefloat.io.scenario.schema import ScenarioFile
+from freefloat.io.scenario.yaml import error_context, file_keys
 from freefloat.kinds import SECTIONS, named
 from freefloat.limits.limits import Limits
 from freefloat.motion.joint_curves import ArmCurves
@@ -36,16 +34,20 @@ from freefloat.paths.timed_path import PathStack, TimedPath, path_key
 from freefloat.paths.timing import Timing
 from freefloat.planning.settings import Search
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.robot.named_files import find_scenario
 from freefloat.robot.source import RobotSource
 from freefloat.scene.scene import Scene
 from freefloat.scene.scene_body import SceneBody
 from freefloat.singularities.global_maximum import largest_magnitude
 from freefloat.so3 import Pose
 
+if TYPE_CHECKING:  # compiled kernels are slow to import
+    from freefloat.planning.margin_map import HeadingMap
+    from freefloat.planning.simulation import Simulation
+    from freefloat.planning.space.attitude_map import AttitudeMap
+
 
 @dataclass(frozen=True, eq=False)
-class Scenario(PlannedScenario):
+class Scenario:
     """A scenario file that passed the schema; robot and problem are built once, when needed.
 
     Attributes:
@@ -95,13 +97,8 @@ class Scenario(PlannedScenario):
             timing = content.timing.to_timing()
         limits, scene = self.limits(), self.scene()
         timed = self._path(content.path, "", timing, scene)
-        further = {}
-        for name, section in content.robot.own_paths.items():
-            with self.error_context():
-                if section.samples is not None:
-                    problem, key = "a file was given for the path of a further arm", path_key(name)
-                    raise InputError(f"{key}.samples", problem, "waypoints, or another curve")
-            further[name] = self._path(section, name, timing, scene)
+        own = content.robot.own_paths.items()
+        further = {name: self._path(section, name, timing, scene) for name, section in own}
         with self.error_context():
             value = content.margin.value or 0.0
             with file_keys(measure="margin.measure"):
@@ -134,6 +131,9 @@ class Scenario(PlannedScenario):
         """The path of a section, for the arm with a name."""
         key = path_key(arm)
         with self.error_context(), file_keys(path=key):
+            if arm and section.samples is not None:
+                problem = "a file was given for the path of a further arm"
+                raise InputError("path.samples", problem, "waypoints, or another curve")
             frame = self.frame(section, arm, scene)
         with self.error_context(f"{key}."):
             known = frame if isinstance(frame, Pose) else None
@@ -192,11 +192,6 @@ class Scenario(PlannedScenario):
         phases: tuple[Any, ...] = named(SECTIONS["phases"].posed)(self).phases
         return phases
 
-    @property
-    def has_phases(self) -> bool:
-        """Whether ``plan`` finds a manoeuvre: phases follow the path, or a reorientation leads."""
-        return bool(self.content.phases) or self.content.search.reorient
-
     def limits(self) -> Limits:
         """The limits of the problem's motions.
 
@@ -212,73 +207,94 @@ class Scenario(PlannedScenario):
         """Context in which errors name this file, see :func:`.yaml.error_context`."""
         return error_context(self.source, prefix, options)
 
+    def plan(
+        self, *, stretch: bool = False, threads: int | None = None, progress: Progress | None = None
+    ) -> Any:
+        """What the command ``plan`` finds.
 
-def load_scenario(name: str | Path | dict[str, Any]) -> Scenario:
-    """Scenario of a file, or of a dictionary with the keys of one.
+        Args:
+            stretch: Whether the duration may grow until rates and torques keep their limits.
+            threads: Number of cores to use; all available ones when left out.
+            progress: Called with the fraction done, in [0, 1].
 
-    Args:
-        name: A file, the name of a bundled scenario such as ``spatial_6dof/line``, or a dictionary,
-            whose numbers may be NumPy's and whose paths are relative to the working folder.
+        Returns:
+            A plan of the path; a manoeuvre where phases follow it or a reorientation leads to it; a
+            motion of the joints where the scenario has a goal.
 
-    Raises:
-        InputError: If it is invalid: file, line, key, value given and values accepted.
+        Raises:
+            InputError: If a value of the scenario is not accepted, or what is not a path alone is
+                to be stretched.
 
-    Example:
-        >>> scenario = ff.load_scenario("spatial_6dof/line")
-        >>> scenario.problem().path.duration
-        100.0
-    """
-    if isinstance(name, dict):
-        plain = json.loads(json.dumps(name, default=_plain))
-        return parse_scenario(yaml.safe_dump(plain, sort_keys=False), Path("scenario"))
-    source = find_scenario(str(name))
-    return parse_scenario(read_text(source), source)
+        Example:
+            >>> ff.load_scenario("planar_2dof/line").plan().feasible
+            True
+        """
+        key = "goal" if self.content.goal is not None else None
+        if self.content.phases or self.content.search.reorient:
+            key = "phases"
+        if key is None:
+            from freefloat.planning.planner import plan
 
+            problem, search = self.problem(), self.search()
+            with self.error_context():
+                return plan(problem, search, stretch=stretch, threads=threads, progress=progress)
+        if stretch:
+            reason = "a goal or phases have durations of their own"
+            raise InputError("stretch", reason, "longer durations in the scenario")
+        return named(SECTIONS[key].posed)(self).plan(threads=threads, progress=progress)
 
-def _plain(value: Any) -> Any:
-    return value.tolist() if isinstance(value, np.ndarray | np.generic) else str(value)
+    def simulate(
+        self,
+        attitude: npt.ArrayLike | None = None,
+        *,
+        heading: float | None = None,
+        branch: int | None = None,
+        joints: npt.ArrayLike | None = None,
+        stop_at_margin: bool = False,
+    ) -> Simulation:
+        """The motions of all arm branches from one attitude, as the command ``simulate``.
 
+        The arguments are as for :func:`~freefloat.planning.simulation.simulate`; without
+        ``branch`` and ``joints`` the arm configuration closest to the joints of the search is
+        chosen, where it has joints.
 
-def load_robot(name: str | Path) -> FreeFloatingModel:
-    """Model of the robot of a scenario, or of a file with nothing but ``robot``.
+        Raises:
+            InputError: As for that function.
+            UnreachableError: If no arm configuration reaches the start of the path.
 
-    Raises:
-        InputError: As for :func:`load_scenario`.
-    """
-    source = find_scenario(str(name))
-    text = read_text(source)
-    data = parse_yaml(text, source)
-    schema: type[RobotFile | ScenarioFile] = RobotFile if list(data) == ["robot"] else ScenarioFile
-    return validated(schema, data, source, text).robot.to_model(source)
+        Example:
+            >>> ff.load_scenario("planar_2dof/line").simulate(heading=0.0).feasible
+            True
+        """
+        from freefloat.planning.simulation import simulate
 
+        problem, search = self.problem(), self.search()
+        start = problem.attitude(attitude, heading=heading)
+        with self.error_context(options=("attitude", "branch", "joints")):
+            if joints is None and branch is None:
+                joints = search.applied_to(problem).closest_start(start)
+            return simulate(
+                problem, start, branch=branch, joints=joints, others=True,
+                stop_at_margin=stop_at_margin,
+            )  # fmt: skip
 
-def parse_scenario(
-    text: str,
-    source: Path,
-    samples: Mapping[str, str] | None = None,
-    robot: FreeFloatingModel | None = None,
-    shapes: FileShapes | None = None,
-) -> Scenario:
-    """Scenario of a text.
+    def map(self, samples: int | None = None, **options: Any) -> AttitudeMap | HeadingMap:
+        """The minimum margins over all initial attitudes, as the command ``map``.
 
-    Args:
-        text: Content of the file.
-        source: The file: named in errors, and the folder of the files that the text names.
-        samples: Texts of the CSV files of its paths, by name; default: read from the files.
-        robot: The robot; default: the robot of the files that the scenario names.
-        shapes: Shapes of bodies of the scene, likewise.
+        Args:
+            samples: Number of attitudes; by default the number of the search.
+            **options: As for :func:`~freefloat.planning.space.map_sampling.attitude_map`.
 
-    Raises:
-        InputError: As for :func:`load_scenario`.
-    """
-    data = parse_yaml(text, source)
-    content = validated(ScenarioFile, data, source, text)
-    if content.goal is not None:
-        given = [*data, *(f"search.{key}" for key in data.get("search") or ())]
-        if unused := [key for key in given if key in OF_PATHS]:
-            accepted = f"a scenario with a goal, without {', '.join(unused)}"
-            with error_context(source):
-                raise InputError(unused[0], "motions to a goal do not use it", accepted)
-    if samples is None:
-        samples = content.sample_texts(source.parent)
-    return Scenario(source, text, content, samples, robot, shapes or {})
+        Raises:
+            InputError: As for that function.
+
+        Example:
+            >>> round(ff.load_scenario("planar_2dof/line").map(24).feasible_fraction, 2)
+            0.42
+        """
+        from freefloat.planning.space.map_sampling import attitude_map
+
+        problem = self.problem()
+        options = {"search": self.search(), "refine": True, **options}
+        with self.error_context(options=("samples", *options)):
+            return attitude_map(problem, samples, **options)
