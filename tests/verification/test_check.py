@@ -84,7 +84,7 @@ def test_ranges_of_headings_that_keep_limits_of_attitude_are_verified():
 
 @pytest.mark.slow
 def test_ranges_of_a_redundant_arm_that_few_starts_reach_are_verified():
-    """The plan follows motions from heading to heading, which begin where a check does not try."""
+    """The plan follows motions from heading to heading, as the check does once more."""
     start = redundant("5", ff.Task.PLANAR_POSITION, None, 1)
     motion = ff.simulate(start.problem, start.attitude).motion
     margin = start.problem.margin
@@ -95,6 +95,11 @@ def test_ranges_of_a_redundant_arm_that_few_starts_reach_are_verified():
     plan = ff.plan(problem, ff.Search("nearest", start.attitude), limits)
     assert plan.feasible
     assert ff.check(plan).discrepancies == ()
+    (entry,) = plan.ranges
+    for wrong in (-0.02, 0.02):
+        part = replace(entry.ranges[0], low=entry.ranges[0].low + wrong)
+        forged = replace(entry, ranges=(part, *entry.ranges[1:]))
+        assert "ranges.0.ranges.0.low" in failed(replace(plan, ranges=(forged,)))
 
 
 def with_motion(result, **changes):
