@@ -115,6 +115,8 @@ def test_the_law_optimal_with_momentum(momentum: float, pointing, feasible: bool
         results = ff.check_limits(plan.chosen.motion, plan.limits)
         assert max(entry.ratio for entry in results) == pytest.approx(1.0, abs=5e-3)
         assert all(entry.kept for entry in results)
+        assert plan.segments
+        assert ff.check(plan).passed
 
 
 @pytest.mark.slow

@@ -77,8 +77,8 @@ def known_robustness(plan: Plan) -> dict[str, Any]:
         ranges = again.ranges
         if chosen is not None and plan.feasible:  # narrow ranges are found around its heading
             ranges = ranges_containing(evaluator, again, chosen)
-        known |= {"segments": () if optimal else again.segments}
-        known |= {} if retimed else {"ranges": ranges}
+        if not retimed:
+            known |= {"ranges": ranges, "segments": () if optimal else again.segments}
         if chosen is not None:
             known["robust_radius"] = heading_depth(evaluator, replace(again, ranges=ranges), chosen)
         return known
