@@ -16,6 +16,17 @@ EDITS: dict[str, tuple[str, str, str]] = {
     "unknown key": ("momentm", "momentum", "momentm"),
     "a word for a number": ("path.polynomial.x.0", "x: [2", "x: [z"),
     "no map": ("robot.scale_mass", "{urdf", "{scale_mass: z, urdf"),
+    "a factor of zero": ("robot.scale_mass", "{urdf", "{scale_mass: 0, urdf"),
+    "stops of the fastest timing": (
+        "timing.stops",
+        "law: quintic",
+        "law: optimal, stops: [{s: 0.5, t: 50}]",
+    ),
+    "speeds of another law": (
+        "timing.speeds",
+        "law: quintic",
+        "law: quintic, speeds: [[0, 0], [50, 0.02], [100, 0]]",
+    ),
     "degrees": (
         "path.attitude.fixed.rpy",
         "follow: {axis: -y, normal: [0, 0, 1]}",
@@ -33,7 +44,10 @@ EDITS: dict[str, tuple[str, str, str]] = {
     "invalid YAML": ("file", PARABOLA, "robot: {urdf: x\n"),
 }
 """Key of the error, the passage of the scenario that is replaced, and with what, by name."""
-BEYOND = ("path.waypoints", "path.samples", "robot.urdf", "robot.end_effector")
+BEYOND = (
+    "path.waypoints", "path.samples", "robot.urdf", "robot.end_effector", "timing.stops",
+    "timing.speeds",
+)  # fmt: skip
 """Keys of errors that are found after the file has been read: they have no line."""
 OPTIONS: dict[str, tuple[str, tuple[str, ...]]] = {
     "no attitude": ("attitude", ()),

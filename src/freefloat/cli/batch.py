@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -12,9 +13,9 @@ from rich.console import RenderableType
 from rich.text import Text
 
 from freefloat.cli.console import DONE, NEGATIVE, Console, say, table, time_text
-from freefloat.cli.options import Json, Quiet, option, study_names
+from freefloat.cli.options import Json, Quiet, option, prepare_outputs, study_names
 from freefloat.errors import InputError, MissingExtraError
-from freefloat.io.files import make_folder, require_writable, written_beside
+from freefloat.io.files import make_folder, written_beside
 
 if TYPE_CHECKING:
     from freefloat.studies.dry_run import StudyEstimate
@@ -79,6 +80,10 @@ def batch(
     from freefloat.studies.loading import load_study
     from freefloat.studies.runner import run_study
 
+    if run is not None:
+        _require_effects("--run", workers=workers, scheduler=scheduler, dry_run=dry_run)
+    if run is not None or dry_run:
+        _require_effects("--dry-run" if run is None else "--run", until=until, report=report)
     console = Console(as_json, quiet)
     loaded = load_study(study)
     if dry_run:
@@ -89,8 +94,8 @@ def batch(
         console.tables(_estimate_tables(estimate))
         return
     if output is None:
-        accepted = "-o DIR, a folder for the results; or --dry-run"
-        raise InputError("output", "it is missing", accepted)
+        folder = "-o DIR, a folder for the results; or --dry-run"
+        raise InputError("output", "it is missing", folder if run is None else "-o FILE")
     if run is not None:
         _write_run(loaded, run, output, console)
         return
@@ -136,7 +141,7 @@ def _write_run(study: Study, number: int, file: Path, console: Console) -> None:
         raise InputError("run", f"{number} was given", f"0 to {study.count - 1}, a run")
     if study.content.command == "track":
         raise InputError("run", "the command track writes no result files", "another command")
-    require_writable("output", file)
+    prepare_outputs(Path(study.source), study.base_source, output=file)
     with console.progress(f"run {number}"):
         result = execute(PortableStudy(study), number, save_file=True)
     values, written = result.values, None
@@ -156,10 +161,17 @@ def _fraction(percent: str | None) -> float | None:
     """The fraction of a percentage, with or without its sign."""
     if percent is None:
         return None
-    try:
-        return float(percent.removesuffix("%")) / 100.0
-    except ValueError:
-        raise InputError("until", f"{percent} was given", "a percentage, such as 0.5%") from None
+    with suppress(ValueError):
+        if 0.0 < (value := float(percent.removesuffix("%"))) < 100.0:
+            return value / 100.0
+    raise InputError("until", f"{percent} was given", "a percentage above 0, below 100")
+
+
+def _require_effects(without: str, **options: Any) -> None:
+    """Raise an InputError for an option that has no effect beside another one."""
+    for key, value in options.items():
+        if value:
+            raise InputError(key, f"it has no effect with {without}", "one of both")
 
 
 def _estimate_tables(estimate: StudyEstimate) -> Iterator[RenderableType]:

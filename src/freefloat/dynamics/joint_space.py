@@ -129,8 +129,10 @@ def joint_box(
         lower[joint], upper[joint] = value - 1.0, value + 1.0
     unbounded = np.flatnonzero(~np.isfinite(upper - lower))
     if len(unbounded):
-        problem = "it is prismatic and has no limits"
-        raise InputError(f"joint {model.joint_names[unbounded[0]]}", problem, "a finite range")
+        joint, source = model.moving_joints[unbounded[0]], model.description.source
+        problem = f"it is prismatic, its range is {joint.lower:g} to {joint.upper:g}"
+        key, line = f"joint {joint.name}", joint.lines.get("limit")
+        raise InputError(key, problem, "a finite range from low to high", source, line)
     return lower, upper
 
 

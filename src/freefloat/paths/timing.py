@@ -199,6 +199,9 @@ class Timing:
         if self.stops and self.law is TimeLaw.UNIFORM:
             raise InputError("timing.stops", "s rises uniformly", "another law, which rests there")
         if self.speeds:
+            if self.law is not TimeLaw.OPTIMAL:
+                accepted = "no speeds, or law: optimal, which has them"
+                raise InputError("timing.speeds", f"the law is {self.law}", accepted)
             require_speeds(self.speeds, self.duration)
 
     @property

@@ -193,7 +193,7 @@ def _group(study: Study, number: int, reasons: list[str]) -> Group | None:
     )
     if others:
         shown = f"limits that only precise motions show ({', '.join(others)})"
-        reasons.append(f"{shown} are checked along these where all else is kept")
+        reasons.append(f"they keep all else and have {shown}")
     reasons[:0] = apart
     if apart:
         return None

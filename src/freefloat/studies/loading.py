@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from freefloat.attitude_grids import attitude_grid
 from freefloat.dynamics.tasks import Task
-from freefloat.errors import InputError
+from freefloat.errors import FreeFloatError, InputError
 from freefloat.io.scenario.schema import ScenarioFile
 from freefloat.io.scenario.yaml import parse_yaml, read_text, validated
 from freefloat.robot.named_files import find_scenario, find_study, is_file
@@ -255,10 +256,27 @@ def _error_of_base(study: Study) -> InputError | None:
 def _check_unvaried(study: Study) -> None:
     """Check that the unvaried scenario is valid where it chooses the arm branch."""
     start = study.content.start or study.default_start
-    if not study.initial_attitude(0) or (start is not None and start.joints is None):
+    if not study.initial_attitude(0):
+        return
+    if start is not None and isinstance(start.branch, int):
+        _check_branch(study, start.branch)
+    if start is not None and start.joints is None:
         return
     if (error := _error_of_base(study)) is not None:
         problem = f"the unvaried scenario has no motion: {error.key}: {error.problem}"
         raise InputError("start", problem, STARTS)
     if study.content.start is not None:
         _ = study.start_problem  # whose robot has the joints
+
+
+def _check_branch(study: Study, branch: int) -> None:
+    """Check that the arm has so many branches, at whatever attitude."""
+    if not {"task", "robot.urdf"}.isdisjoint(study.content.vary):
+        return
+    try:
+        attitudes = attitude_grid(1)
+        count = study.scenario(0).problem().many_branches(attitudes).joints.shape[1]
+    except FreeFloatError:  # which is the result of each run
+        return
+    if branch >= count:
+        raise InputError("start.branch", f"{branch} was given", f"0 to {count - 1}, or best")

@@ -67,6 +67,7 @@ def goal_report(result: GoalMotion, engine: str) -> tuple[CheckReport, Known]:
     checks = (
         *completed("motion", _checks, result, motion, law),
         *limit_checks(limits, result.feasible),
+        *(() if result.feasible else (Check("feasible", False, result.reason, False),)),
         *(other.simulated(motion, steps, _ENGINE) if other else ()),
     )
     return CheckReport(result.kind, checks, limits=limits), Known(GoalMotion, known)

@@ -221,14 +221,17 @@ def _first_error(
         accepted = f"a value: {description}" if description else "a value"
         return [*keys, location[-1]], "it is missing", accepted
     indices = [int(entry["loc"][-1]) for entry in alternatives if entry["type"] == "missing"]
-    message = first["msg"].removeprefix("Value error, ").removeprefix("Input should be ")
-    accepted = _CONTAINERS.get(kind, message)
+    bounds = [entry for entry in alternatives if entry["type"].startswith(("greater", "less"))]
+    message = (bounds or [first])[0]["msg"].removeprefix("Value error, ")
+    message = message.removeprefix("Input should be ")
+    accepted = message if bounds else _CONTAINERS.get(kind, message)
     if kind == "too_short":
         accepted = f"at least {first['ctx']['min_length']} of them"
     if len(indices) == len(alternatives):
         accepted = f"{1 + max(indices)} entries" + (f": {description}" if description else "")
     elif description and (len(alternatives) > 1 or kind == "string_pattern_mismatch"):
-        accepted = description  # of a union, or in place of a regular expression
+        bound = f"{message}: " if bounds else ""
+        accepted = bound + description  # of a union, or in place of a regular expression
     elif kind == "tuple_type" and description:
         accepted = f"a list: {description}"
     shown = "nothing" if value is None else repr(value)
