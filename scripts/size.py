@@ -23,10 +23,10 @@ GOALS = {
 }  # fmt: skip
 """Lines of the folders of ``src/freefloat``."""
 RECORDS = {
-    MODULES: 1_570, "robot": 4_550, "paths": 1_830, "dynamics": 2_890, "ik": 1_980,
+    MODULES: 1_570, "robot": 4_550, "paths": 1_840, "dynamics": 2_900, "ik": 1_980,
     "motion": 2_780, "certificate": 690, "limits": 2_510, "ensemble": 2_480, "regions": 830,
-    "planning": 8_340, "verification": 1_490, "io": 3_710, "visualization": 4_610,
-    "studies": 4_750, "cli": 3_070,
+    "planning": 8_340, "verification": 1_480, "io": 3_690, "visualization": 4_610,
+    "studies": 4_780, "cli": 3_090,
 }  # fmt: skip
 """Lines of folders that are larger than their goals permit."""
 
