@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -23,12 +23,7 @@ from freefloat.limits.kinds.base_turn import BaseTurnLimit
 from freefloat.limits.result import LimitResult, violated
 from freefloat.motion.extrema import joint_extents, maximum
 from freefloat.motion.motion import Ending
-from freefloat.planning.answer import Answer
-from freefloat.planning.margin_map import HeadingMap
-from freefloat.planning.motions import SimulatedBranch
-from freefloat.planning.plan import Plan
 from freefloat.planning.simulation import Simulation, simulate
-from freefloat.planning.space.attitude_map import AttitudeMap
 from freefloat.robot.model import range_ratios
 from freefloat.so3 import degrees
 from freefloat.studies.columns import (
@@ -48,6 +43,13 @@ from freefloat.studies.study import UNDISTURBED, Study
 from freefloat.studies.study_file import Command, initial_attitude
 from freefloat.studies.variation import error_of_study, scenario_from
 from freefloat.studies.workers import PortableStudy
+
+if TYPE_CHECKING:  # records of commands that few studies have
+    from freefloat.planning.answer import Answer
+    from freefloat.planning.margin_map import HeadingMap
+    from freefloat.planning.motions import SimulatedBranch
+    from freefloat.planning.plan import Plan
+    from freefloat.planning.space.attitude_map import AttitudeMap
 
 
 @dataclass(frozen=True, eq=False)

@@ -258,7 +258,7 @@ class Study:
                 arm = problem.branch_near(attitude, near, problem.branches(attitude))
             return StartSection(joints=arm.joints.tolist())
         except FreeFloatError as error:
-            reason = f"the unvaried scenario has no motion that would choose it: {error}"
+            reason = f"the unvaried scenario has no motion: {getattr(error, 'problem', error)}"
             accepted = "start: {branch: best}, a number of a branch, or start: {joints: [...]}"
             raise InputError("start", reason, accepted, self.source) from None
 
