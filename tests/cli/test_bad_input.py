@@ -17,11 +17,6 @@ EDITS: dict[str, tuple[str, str, str]] = {
     "a word for a number": ("path.polynomial.x.0", "x: [2", "x: [z"),
     "no map": ("robot.scale_mass", "{urdf", "{scale_mass: z, urdf"),
     "a factor of zero": ("robot.scale_mass", "{urdf", "{scale_mass: 0, urdf"),
-    "stops of the fastest timing": (
-        "timing.stops",
-        "law: quintic",
-        "law: optimal, stops: [{s: 0.5, t: 50}]",
-    ),
     "speeds of another law": (
         "timing.speeds",
         "law: quintic",
@@ -44,10 +39,7 @@ EDITS: dict[str, tuple[str, str, str]] = {
     "invalid YAML": ("file", PARABOLA, "robot: {urdf: x\n"),
 }
 """Key of the error, the passage of the scenario that is replaced, and with what, by name."""
-BEYOND = (
-    "path.waypoints", "path.samples", "robot.urdf", "robot.end_effector", "timing.stops",
-    "timing.speeds",
-)  # fmt: skip
+BEYOND = ("path.waypoints", "path.samples", "robot.urdf", "robot.end_effector", "timing.speeds")
 """Keys of errors that are found after the file has been read: they have no line."""
 OPTIONS: dict[str, tuple[str, tuple[str, ...]]] = {
     "no attitude": ("attitude", ()),

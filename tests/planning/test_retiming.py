@@ -196,6 +196,8 @@ def test_errors() -> None:
     stops = ff.load_scenario("planar_3dof/parabola").problem()
     limits = ff.Limits(base_rate=10.0)
     assert error_key(lambda: ff.retime(ff.plan(stops, limits=limits))) == "timing.stops"
+    path = replace(stops.path, timing=replace(stops.path.timing, law="optimal"))
+    assert error_key(lambda: ff.plan(stops.replace(path=path), limits=limits)) == "timing.stops"
     speeds = [(0, 0), (1, 1), (2, 0.5)]
     assert error_key(lambda: ff.Timing(2.0, "optimal", speeds=speeds)) == "timing.speeds"
 

@@ -282,7 +282,7 @@ def test_an_estimate_times_every_step_and_writes_nothing(folder: Path) -> None:
         (["study.yaml", "-o", "out", "--until", "0"], "until"),
         (["study.yaml", "-o", "out", "--until", "200%"], "until"),
         (["study.yaml", "--run", "0"], "output"),
-        (["study.yaml", "--run", "0", "-o", "study.yaml"], "output"),
+        (["study.yaml", "--run", "0", "-o", "taken.h5"], "output"),
         (["study.yaml", "--run", "0", "-o", "run.h5", "--report"], "report"),
         (["study.yaml", "--dry-run", "--until", "1%"], "until"),
         (["branch.yaml", "-o", "out"], "start.branch"),
@@ -299,6 +299,7 @@ def test_invalid_input_is_exit_code_2_with_the_key(
     text = write_study(folder, RANDOM, base=SHORT, cases=3).read_text()
     (folder / "broken.yaml").write_text(text.replace("momentum", "momentun"))
     (folder / "odd.yaml").write_text(text.replace("base.yaml", "far.yaml"))
+    (folder / "taken.h5").write_text("the only copy")
     (folder / "branch.yaml").write_text(f"{text}start: {{branch: 99}}\n")
     base = (folder / "base.yaml").read_text()
     (folder / "far.yaml").write_text(base.replace("planar_3dof.urdf", "bad.urdf"))

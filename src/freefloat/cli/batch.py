@@ -170,7 +170,7 @@ def _fraction(percent: str | None) -> float | None:
 def _require_effects(without: str, **options: Any) -> None:
     """Raise an InputError for an option that has no effect beside another one."""
     for key, value in options.items():
-        if value:
+        if value not in (None, False):
             raise InputError(key, f"it has no effect with {without}", "one of both")
 
 

@@ -79,7 +79,7 @@ def _fastest_plan(
     ``planned`` is :func:`plan_path` with its options but the limits.
     """
     problem.model.require_supported("fastest timings")
-    require_considered(limits)
+    require_considered(limits, problem.path.timing)
     first = partial(planned, to_retime=True)
     narrower = limits.narrower(NARROWER) if problem.depends_on_timing else limits
     result = stretched_plan(partial(first, limits=narrower), problem)

@@ -64,6 +64,7 @@ def load_study(name: str | Path) -> Study:
         valid = _valid_run(study)
         _check_extreme(study)
         _check_unvaried(study)
+        _check_branch(study, valid)
         _check_robot(study, valid)
     except InputError as error:
         raise error.found_in(str(source)) from None
@@ -256,11 +257,7 @@ def _error_of_base(study: Study) -> InputError | None:
 def _check_unvaried(study: Study) -> None:
     """Check that the unvaried scenario is valid where it chooses the arm branch."""
     start = study.content.start or study.default_start
-    if not study.initial_attitude(0):
-        return
-    if start is not None and isinstance(start.branch, int):
-        _check_branch(study, start.branch)
-    if start is not None and start.joints is None:
+    if not study.initial_attitude(0) or (start is not None and start.joints is None):
         return
     if (error := _error_of_base(study)) is not None:
         problem = f"the unvaried scenario has no motion: {error.key}: {error.problem}"
@@ -269,13 +266,15 @@ def _check_unvaried(study: Study) -> None:
         _ = study.start_problem  # whose robot has the joints
 
 
-def _check_branch(study: Study, branch: int) -> None:
-    """Check that the arm has so many branches, at whatever attitude."""
-    if not {"task", "robot.urdf"}.isdisjoint(study.content.vary):
+def _check_branch(study: Study, number: int) -> None:
+    """Check that the arm of a run, which is the arm of all, has the arm branch at some attitude."""
+    branch = None if study.content.start is None else study.content.start.branch
+    varied = {key.partition(".")[0] for key in study.content.vary}
+    if not isinstance(branch, int) or varied & {"robot", "task"}:
         return
     try:
         attitudes = attitude_grid(1)
-        count = study.scenario(0).problem().many_branches(attitudes).joints.shape[1]
+        count = study.scenario(number).problem().many_branches(attitudes).joints.shape[1]
     except FreeFloatError:  # which is the result of each run
         return
     if branch >= count:

@@ -246,7 +246,7 @@ def _random_numbers(seed: int, key: str, first: int, count: int, width: int) -> 
 def _normal(numbers: Array) -> Array:
     """Values of a standard normal variable (K, k), of random numbers in (0, 1).
 
-    SciPy's ``ndtri`` gives the same values, but its import takes longer than 100,000 of them.
+    SciPy's ``ndtri`` gives them, too, but its import takes longer than 100,000 of them.
     """
     values = map(NormalDist().inv_cdf, numbers.ravel().tolist())
     return np.fromiter(values, float, numbers.size).reshape(numbers.shape)

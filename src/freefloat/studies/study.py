@@ -258,7 +258,7 @@ class Study:
                 arm = problem.branch_near(attitude, near, problem.branches(attitude))
             return StartSection(joints=arm.joints.tolist())
         except FreeFloatError as error:
-            reason = f"the unvaried scenario has no motion: {getattr(error, 'problem', error)}"
+            reason = f"the unvaried scenario has no motion: {str(error).split('; accepted: ')[0]}"
             accepted = "start: {branch: best}, a number of a branch, or start: {joints: [...]}"
             raise InputError("start", reason, accepted, self.source) from None
 

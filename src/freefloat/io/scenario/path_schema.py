@@ -249,9 +249,6 @@ class TimingSection(Section):
 
     def to_timing(self) -> Timing:
         """The time law; raises an InputError if it is invalid."""
-        if self.stops and self.law is TimeLaw.OPTIMAL:
-            problem = "the fastest timing of a path with stops is not sought"
-            raise InputError("timing.stops", problem, "no stops, or another law")
         stops = tuple(Stop(stop.s, stop.t) for stop in self.stops)
         return Timing(self.duration, self.law, stops, tuple(self.speeds))
 

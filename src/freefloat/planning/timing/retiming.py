@@ -114,9 +114,7 @@ def retime(plan: Plan, *, threads: int | None = None, progress: Progress | None 
     if (body := plan.problem.path.frame) is not None:
         accepted = "a path that does not depend on time"
         raise InputError("path.frame", f"it moves with {body}", accepted)
-    if plan.problem.path.timing.stops:
-        raise InputError("timing.stops", "the path has stops", "a path without stops")
-    require_considered(limits)
+    require_considered(limits, plan.problem.path.timing)
     if plan.problem.depends_on_timing:
         result, agrees = _agreeing_plan(plan, chosen, limits, threads, progress)
         return _retiming(result, plan, agrees)

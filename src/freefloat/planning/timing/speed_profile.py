@@ -53,8 +53,10 @@ _CONSIDERED = tuple(
 """Limits under which the fastest speeds are found."""
 
 
-def require_considered(limits: Limits) -> None:
-    """Raise an InputError unless some limits depend on the timing and all such limits are known."""
+def require_considered(limits: Limits, timing: Timing) -> None:
+    """Raise an InputError unless limits determine the timing, all of them known, without stops."""
+    if timing.stops:
+        raise InputError("timing.stops", "the path has stops", "a path without stops")
     accepted = ", ".join(_CONSIDERED)
     if not limits.timed:
         raise InputError("limits", "none of them determines the timing", accepted)
