@@ -65,15 +65,15 @@ class Pose:
         """A pose as it is given, or one of Pinocchio (``pin.SE3``).
 
         Raises:
-            InputError: Naming ``key``, for anything else.
+            InputError: Naming ``key``, for anything else, or if it has no rotation.
         """
-        if isinstance(value, cls):
-            return value
         try:
-            return cls(value.translation, value.rotation)
+            pose = value if isinstance(value, cls) else cls(value.translation, value.rotation)
         except AttributeError:
             problem = f"{type(value).__name__} was given"
             raise InputError(key, problem, f"{accepted}, or a pin.SE3") from None
+        attitude_axes(f"{key}.rotation", pose.rotation)
+        return pose
 
     def __repr__(self) -> str:
         position, quaternion = (np.round(x, 9) + 0.0 for x in (self.position, self.quaternion))

@@ -97,9 +97,17 @@ def test_extreme_numbers_give_a_result_or_an_error(old: str, new: str, folder: P
     assert len(result.stderr.splitlines()) == (1 if result.exit_code == 2 else 0)
 
 
-@pytest.mark.parametrize("option", ["-o", "--html"])
-def test_outputs_do_not_replace_files_of_another_kind(option: str, folder: Path) -> None:
+@pytest.mark.parametrize(
+    ("key", "option", "name", "content"),
+    [
+        ("output", "-o", "flight.h5", b"\x89HDF\r\n\x1a\n"),
+        ("html", "--html", "a.urdf", b"<robot/>"),
+    ],
+)
+def test_outputs_do_not_replace_files_of_another_kind(
+    key: str, option: str, name: str, content: bytes, folder: Path
+) -> None:
     (folder / NAME).write_text(PARABOLA)
-    (folder / "robot.urdf").write_text("<robot/>")
-    assert error("plan", NAME, option, "robot.urdf")["key"] in ("output", "html")
-    assert (folder / "robot.urdf").read_text() == "<robot/>"
+    (folder / name).write_bytes(content)
+    assert error("plan", NAME, option, name)["key"] == key
+    assert (folder / name).read_bytes() == content

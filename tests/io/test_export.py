@@ -13,6 +13,7 @@ import pytest
 from scipy.io import loadmat
 
 import freefloat as ff
+from freefloat.io.export import Format
 from freefloat.io.trajectory import Trajectory, even_times
 from freefloat.io.trajectory_tables import csv_text, json_text, write_mat
 from tests.commands import error, run
@@ -141,9 +142,18 @@ def test_stdout_gets_the_text_alone(files):
     (("good.h5", "--times", 5, "--format", "mjcf"), "times"),
     (("good.h5", "-o", "link.h5"), "output"),
     (("good.h5", "-o", "-", "--format", "mat"), "output"),
+    (("good.h5", "-o", "bad.h5", "--format", "csv"), "output"),
+    (("good.h5", "-o", "scenario.yaml"), "output"),
 ])  # fmt: skip
 def test_bad_input_is_one_line_and_changes_nothing(files, words, key):
     Path("link.h5").symlink_to("good.h5")
+    Path("scenario.yaml").write_text("robot: {urdf: planar_2dof}\n")
     before = {name: Path(name).read_bytes() for name in os.listdir()}
     assert error("export", *words)["key"] == key
     assert {name: Path(name).read_bytes() for name in os.listdir()} == before
+
+
+@pytest.mark.parametrize("kind", [kind for kind in Format if kind is not Format.MCAP])
+def test_an_export_replaces_one_of_its_kind(files, kind):
+    for _ in range(2):
+        assert run("export", "good.h5", "--format", kind, "-o", "exported").exit_code == 0

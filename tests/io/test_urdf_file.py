@@ -146,3 +146,14 @@ def test_what_is_left_out_of_attached_files_is_named(tmp_path: Path) -> None:
     assert warning.startswith(f"{other}: <transmission>, <gazebo> ")
     assert [element.tag for element in ET.parse(out).getroot()].count("transmission") == 1
     assert not any("left out" in text for text in assembled_parts(tmp_path, **whole)["warnings"])
+
+
+@pytest.mark.parametrize("name", ["robot.yaml", "part.urdf"])
+def test_no_file_of_the_robot_is_replaced(name: str, tmp_path: Path) -> None:
+    part = tmp_path / "part.urdf"
+    part.write_text(find_robot("planar_2dof", Path()).read_text())
+    assembled_parts(tmp_path, attached=[{"urdf": part.name, "prefix": "tool_"}])
+    before = (tmp_path / name).read_bytes()
+    words = tmp_path / "robot.yaml", "-o", tmp_path / name
+    assert commands.error("assemble", *words)["key"] == "output"
+    assert (tmp_path / name).read_bytes() == before

@@ -79,11 +79,12 @@ def assemble(
         if craft or end_effector is not None or options.given:
             accepted = "-o, --copy-meshes and --json"
             raise InputError("options", "the scenario has all parts of its robot", accepted)
-        model = load_robot(robot)
+        model, files = load_robot(robot)
     else:
         source, spacecraft = robot_source(robot, options), _spacecraft(craft) if craft else None
         model = FreeFloatingModel.from_urdf(source, end_effector, spacecraft=spacecraft)
-    prepare_outputs(Path(model.description.source), results=False, output=output)
+        files = [Path(model.description.source)]
+    prepare_outputs(*files, kind="urdf", output=output)
     written = write_urdf(model, output, copy_meshes)
     console = Console(as_json, quiet)
     console.json(written.to_dict())
@@ -121,7 +122,7 @@ def _tables(written: UrdfFile) -> Iterator[RenderableType]:
         joints.add_row(joint.name, joint.type, "moves" if value is None else f"fixed at {value:g}")
     yield joints
     yield f"root {model.body_names[0]}, end-effector {model.end_effector}"
-    yield f"centre of mass {_numbers(written.centre_of_mass)} m, root's frame, joints at 0"
+    yield f"centre of mass {_numbers(written.centre_of_mass)} m, root's frame, moving joints at 0"
     yield "inertia about it, axes of the root [kg m²]:"
     yield from (f"  {_numbers(row)}" for row in written.inertia)
     if written.meshes:

@@ -159,8 +159,9 @@ def print_json(document: dict[str, Any]) -> None:
 
 
 def say(line: str) -> None:
-    """Print a message on stderr."""
-    typer.echo(f"freefloat: {line}", err=True)
+    """Print a message on stderr, unless that is a pipe that was closed."""
+    with suppress(BrokenPipeError):
+        typer.echo(f"freefloat: {line}", err=True)
 
 
 def print_error(error: FreeFloatError, as_json: bool) -> None:

@@ -125,7 +125,7 @@ def load_answer(file: Path) -> Answer:
 
     result: Any = load(file)
     if not hasattr(result, "phases"):
-        accepted = "files with motions: of plan or simulate"
+        accepted = "files with motions, of plan or simulate; for view also a map alone"
         raise InputError("file", f"it is a {result.kind} file", accepted, str(file))
     if all(phase.motion is None for phase in result.phases):
         problem = f"it has no motion: {result.reason}"

@@ -78,7 +78,7 @@ def export(
     kind.require()
     header = _header(kind, epoch=epoch, frame=frame, object=object_, object_id=object_id)
     if target is not None:
-        prepare_outputs(file, results=False, output=target)
+        prepare_outputs(file, kind=kind, output=target)
     result = load_answer(file)
     sampled = trajectories(result, kind, times, rate, header)
     if target is None:
@@ -87,9 +87,10 @@ def export(
         typer.echo("".join(TEXTS[kind](trajectory) for trajectory in sampled.values()), nl=False)
         return
     console, written = Console(as_json, quiet), []
-    for name, trajectory in sampled.items():
-        path = target.with_stem(target.stem + name) if name else target
-        prepare_outputs(file, results=False, output=path)
+    paths = [target.with_stem(target.stem + name) if name else target for name in sampled]
+    for path in paths:
+        prepare_outputs(file, kind=kind, output=path)
+    for path, trajectory in zip(paths, sampled.values(), strict=True):
         save_trajectory(path, trajectory, kind)
         written.append(_described(path, kind, trajectory))
         console.tables([_line(kind, written[-1])])

@@ -136,19 +136,27 @@ def _require_numbers(name: str, text: str, metavar: str) -> None:
         )
 
 
-_BEGINNINGS = {"html": (b"<!doctype html",), "output": (b"freefloat sha-256 ", b"\x89hdf")}
-"""Beginnings of files that outputs may replace, lower case."""
+_RESULT = "result file"
+_MARKS = {
+    _RESULT: b"freefloat sha-256 ", "page": b"<!doctype html", "urdf": b"<robot",
+    "csv": b"time [s]", "json": b'{"robot"', "mat": b"matlab", "ros2": b"header:",
+    "ros2-goal": b"trajectory:", "aem": b"ccsds_aem", "mcap": b"mcap", "mjcf": b"<mujoco",
+    "png": b"png", "gif": b"gif8", "mp4": b"ftyp",
+}  # fmt: skip
+"""What files of a kind, which outputs of that kind replace, have at their beginning, lower case."""
+_BEGINNING = 1024
+"""Bytes at the beginning of a file; a URDF may begin with a comment."""
 
 
 def prepare_outputs(
-    *inputs: Path, folder: Path | None = None, results: bool = True, **files: Path | None
+    *inputs: Path, folder: Path | None = None, kind: str = _RESULT, **files: Path | None
 ) -> None:
     """Check output files, and make a folder, before the work whose results they will hold.
 
     Args:
         inputs: Files that the command reads.
         folder: An output folder, named ``plots`` in errors.
-        results: Whether ``output`` is a result file, which replaces other result files only.
+        kind: Kind of the file of the option ``output``. A file replaces files of its kind only.
         files: Output files by option; None where none is wanted.
 
     Raises:
@@ -159,11 +167,11 @@ def prepare_outputs(
     for option, file in files.items():
         if file is None:
             continue
-        if option == "output" and results:
+        own = {"html": "page", "video": file.suffix.lower()[1:]}.get(option, kind)
+        if own == _RESULT:
             require_result_name(file)
         require_writable(option, file)
-        if option == "html" or (option == "output" and results):
-            _require_replaceable(option, file)
+        _require_replaceable(option, file, own)
         path = file.resolve()
         if path in names:
             raise InputError(option, f"{file} is also {names[path]}", "a file of its own")
@@ -172,14 +180,13 @@ def prepare_outputs(
         make_folder("plots", folder)
 
 
-def _require_replaceable(option: str, file: Path) -> None:
-    """Raise an InputError if an output would replace a file of another kind, such as a robot."""
+def _require_replaceable(option: str, file: Path, kind: str) -> None:
+    """Raise an InputError if an output would replace a file of another kind, such as a scenario."""
     if not file.exists():
         return
     with file.open("rb") as content:
-        begin = content.read(64).lstrip().lower()
-    if begin and not begin.startswith(_BEGINNINGS[option]):
-        kind = {"html": "page", "output": "result file"}[option]
+        begin = content.read(_BEGINNING).lower()
+    if begin and (kind not in _MARKS or _MARKS[kind] not in begin):
         problem = f"{file} exists and is no {kind}: it is not replaced"
         raise InputError(option, problem, "another name")
 

@@ -96,7 +96,8 @@ def load_robot(
     if named_files.is_scenario(robot):
         for option, value in {"end_effector": end_effector, **file_options.given}.items():
             if value:
-                raise InputError(option, "the scenario names it already", "a URDF with it")
+                reason = "the robot is the scenario's, as its section robot says"
+                raise InputError(option, reason, "a URDF with it, or that section")
         loaded = load_scenario(robot)
         mounted = loaded.content.robot.spacecraft is not None
         first, *others = loaded.robot_sources()

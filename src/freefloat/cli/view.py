@@ -112,7 +112,7 @@ def view(
     if (snapshots, video, picture) != (None, None, None):
         require_extra("video", "playwright")
     console, pixels = Console(as_json, quiet), _pixels(size)
-    prepare_outputs(*files, results=False, html=html, video=video, output=picture)
+    prepare_outputs(*files, kind="png", html=html, video=video, output=picture)
     if plots is not None:
         make_folder("plots", plots)
     with console.progress("making the page"):

@@ -47,14 +47,14 @@ class UrdfFile:
 
     @property
     def centre_of_mass(self) -> Array:
-        """Centre of mass in the root's frame, all joints at zero [m], shape (3,)."""
+        """Centre of mass in the root's frame, moving joints at zero [m], shape (3,)."""
         # on a table the height is not the base's
         free = replace(self.model, base=Base.FREE, gravity=0.0)
         return -free.base_position(UPRIGHT, np.zeros(free.dof))
 
     @property
     def inertia(self) -> Array:
-        """Inertia about the centre of mass, root's axes, joints at zero [kg m²], shape (3, 3)."""
+        """Inertia about the centre of mass, root's axes, moving joints at zero [kg m²], (3, 3)."""
         return inertia_matrices(self.model, np.zeros(self.model.dof))[0]
 
     @property

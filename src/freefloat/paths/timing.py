@@ -211,7 +211,7 @@ class Timing:
 
     def stretched(self, factor: float) -> Timing:
         """The same law with all times multiplied by a factor."""
-        factor = finite_number("factor", factor, "a positive number")
+        factor = positive_duration("factor", factor)
         stops = tuple(Stop(stop.s, factor * stop.t) for stop in self.stops)
         units = factor, 1.0 / factor, factor**-2.0
         speeds = tuple(

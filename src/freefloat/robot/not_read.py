@@ -180,7 +180,8 @@ def _unused_value(element: Any, key: str, value: str) -> str:
     kind = element.getparent().get("type") if element.tag == "limit" else None
     if kind == "continuous" and key in ("lower", "upper") and not _is_zero(value):
         return "an end of a range; a continuous joint has none, a revolute one has"
-    if kind not in (None, "fixed") and key in ("effort", "velocity") and _is_zero(value):
+    rated = key in ("effort", "velocity", "acceleration", "jerk")
+    if kind not in (None, "fixed") and rated and _is_zero(value):
         return "a limit of zero; it is taken as none"
     sizes = value.split() if element.tag in _SOLIDS else []
     if any(_is_zero(word) or word.startswith("-") for word in sizes):

@@ -168,7 +168,7 @@ def _joints(robot: RobotDescription) -> Faults:
             if joint.type != "fixed":
                 yield Fault(joint, "joint", *_refused_type(robot, joint))
             continue
-        rated = {"effort": joint.effort, "velocity": joint.velocity}
+        rated = {key: getattr(joint, key) for key in ("effort", "velocity", "acceleration", "jerk")}
         for key, value in rated.items():
             if value is not None and value < 0.0:
                 problem = f'its <limit {key}="{value:g}"> is negative'

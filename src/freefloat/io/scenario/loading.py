@@ -18,6 +18,7 @@ from freefloat.io.scenario.schema import OF_PATHS, ScenarioFile
 from freefloat.io.scenario.yaml import error_context, parse_yaml, read_text, validated
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.named_files import find_scenario
+from freefloat.robot.source import RobotSource
 
 
 def load_scenario(name: str | Path | dict[str, Any]) -> Scenario:
@@ -46,8 +47,8 @@ def _plain(value: Any) -> Any:
     return value.tolist() if isinstance(value, np.ndarray | np.generic) else str(value)
 
 
-def load_robot(name: str | Path) -> FreeFloatingModel:
-    """Model of the robot of a scenario, or of a file with nothing but ``robot``.
+def load_robot(name: str | Path) -> tuple[FreeFloatingModel, list[Path]]:
+    """The robot of a scenario, or of a file with nothing but ``robot``, and the files of both.
 
     Raises:
         InputError: As for :func:`load_scenario`.
@@ -56,7 +57,10 @@ def load_robot(name: str | Path) -> FreeFloatingModel:
     text = read_text(source)
     data = parse_yaml(text, source)
     schema: type[RobotFile | ScenarioFile] = RobotFile if list(data) == ["robot"] else ScenarioFile
-    return validated(schema, data, source, text).robot.to_model(source)
+    robot = validated(schema, data, source, text).robot
+    parts = [robot.source(source), *(part.urdf for part in robot.parts(source))]
+    files = [source, *(Path(RobotSource.of(part).name) for part in parts)]
+    return robot.to_model(source), files
 
 
 def parse_scenario(
