@@ -53,6 +53,8 @@ def simulation() -> Simulation:
         (FeasibilityEvaluator, ()),
         (ff.attitude_map, (64,)),
         (ff.workspace_regions, ()),
+        (ff.margin_curves, ()),
+        (ff.touch_points, ()),
     ],
 )
 def test_functions_of_problems_refuse_other_types(function, others) -> None:
@@ -146,5 +148,9 @@ def test_arguments_of_other_types_are_refused(problem: ff.Problem, simulation: S
         ("order", lambda: ff.ArmCurve([[0.0], [1.0]], [0.0, 1.0]).at(0.3, 3)),
         ("t", lambda: ff.Tumbling([9, 7, 4], [0.1, 0.3, 0.2]).rotation(np.array([5.0, -5.0]))),
         ("client.mass", lambda: ff.Client(-1.0, [1.0, 1.0, 1.0])),
+        ("poses", lambda: ff.paths.through(3)),
+        ("measure", lambda: ff.singularity_measure(problem.model, "position", ["gjm"])),
+        ("factor", lambda: problem.stretched(0.0)),
+        ("goal.pose.rotation", lambda: ff.Goal(ff.so3.Pose(np.ones(3), np.diag([1, 1, -1])))),
     ):
         assert error_key(call) == key

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from freefloat.visualization.page.playback import Playback
 
 _Files = Annotated[list[Path], typer.Argument(
-    metavar="FILE", help="Files of plan, simulate, map or singularities; shown on one page.",
+    metavar="FILE", help="Files of motions, which one page shows; or one file of any kind.",
 )]  # fmt: skip
 _Port = Annotated[
     int, option("P", "Port of the page; if it is in use, the next free one.", min=0, max=65535)
@@ -113,10 +113,10 @@ def view(
         require_extra("video", "playwright")
     console, pixels = Console(as_json, quiet), _pixels(size)
     prepare_outputs(*files, kind="png", html=html, video=video, output=picture)
-    if plots is not None:
-        make_folder("plots", plots)
     with console.progress("making the page"):
         playback = _playback(files)
+    if plots is not None:
+        make_folder("plots", plots)
     scene = playback.scene_title(scene)
     options: dict[str, Any] = {"size": pixels, "scene": scene}
     shown: dict[str, Any] = {"address": None, "html": None, "snapshots": [], "video": None}

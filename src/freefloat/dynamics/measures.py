@@ -28,7 +28,7 @@ from freefloat.dynamics.tasks import (
     required_plane,
 )
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
-from freefloat.errors import InputError
+from freefloat.errors import InputError, require_type
 from freefloat.robot.joint_values import finite_after
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array
@@ -109,6 +109,7 @@ def singularity_measure(
         >>> round(float(measure(np.array([0.5, 1.0]))), 4)
         0.2759
     """
+    require_type("measure", name, str, "a name")
     task, name = require_task(model, task), measure_key(name)
     if name == "arm" and not model.has_one_arm:
         raise InputError("measure", "arm, but another arm moves", "gjm, system or sigma")

@@ -159,6 +159,7 @@ def through(poses: Sequence[Pose]) -> EndEffectorPath:
         >>> path.pose(0.5).position
         array([2., 0., 0.])
     """
+    require_type("poses", poses, Sequence, "two poses or more")
     stated = [Pose.of(f"poses.{number}", pose) for number, pose in enumerate(poses)]
     curve = SplineCurve([pose.position for pose in stated])
     attitudes = [Rotation.from_matrix(pose.rotation).as_quat() for pose in stated]

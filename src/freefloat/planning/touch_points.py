@@ -21,7 +21,7 @@ from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.errors import InputError
 from freefloat.motion.extrema import closest_approach
 from freefloat.motion.motion import State
-from freefloat.motion.problem import Problem
+from freefloat.motion.problem import Problem, require_problem
 from freefloat.planning.margin_lines import StatesOnPath, margin_lines, path_of_point_3
 from freefloat.planning.planar_touch_points import planar_touch_points
 from freefloat.planning.touch_point import (
@@ -84,6 +84,7 @@ def touch_points(
         >>> [str(point.kind) for point in ff.touch_points(problem, level=5.0)][:2]
         ['tangent', 'tangent']
     """
+    require_problem(problem)
     levels = _levels(problem, level)
     given = [name for name, angle in (("q1", q1), ("q2", q2), ("roll", roll)) if angle is not None]
     if problem.task.planar:
@@ -91,8 +92,7 @@ def touch_points(
             key = given[0] if given else "robot"
             accepted = "no angles; a planar arm of two joints, or of three with an orientation"
             raise InputError(key, "the touch points of a planar arm are finitely many", accepted)
-        duration = problem.path.duration
-        points = planar_touch_points(problem, abs(levels[0]), (0.0, duration))
+        points = planar_touch_points(problem, abs(levels[0]), (0.0, problem.path.duration))
         return tuple(point for point in points if point.level in levels)
     require_touch_point_arm(problem)
     if q1 is not None and q2 is not None and roll is None:

@@ -17,7 +17,7 @@ import scipy
 
 from freefloat.dynamics.tasks import Task
 from freefloat.errors import InputError
-from freefloat.motion.problem import Problem
+from freefloat.motion.problem import Problem, require_problem
 from freefloat.motion.setting import Setting
 from freefloat.regions.planar_regions import (
     Complex,
@@ -167,6 +167,7 @@ def margin_curves(problem: Problem, *levels: float) -> tuple[MarginCurve, ...]:
         >>> [(curve.name, curve.level) for curve in ff.margin_curves(problem, 0.0, 5.0)]
         [('I', 0.0), ('II', 0.0), ('III', 5.0), ('IV', 5.0)]
     """
+    require_problem(problem)
     arm, name = reduced_arm(problem)
     margin = problem.margin
     if not levels:
