@@ -7,10 +7,10 @@ import math
 from collections.abc import Callable
 from functools import partial
 from hashlib import sha256
-from statistics import NormalDist
 from typing import Annotated, Any, TypeVar
 
 import numpy as np
+import scipy
 from pydantic import Discriminator, Field, Tag, model_validator
 
 from freefloat.io.scenario.field_types import NotNegative, Number, Quaternion, Section
@@ -99,7 +99,7 @@ class NormalSection(Section):
         """The values (K,) or (K, k) of a stream of random numbers."""
         mean, sd = (np.asarray(value, dtype=float) for value in (self.mean, self.sd))
         numbers = stream(mean.size)
-        return np.asarray(mean + sd * _normal(numbers).reshape(-1, *mean.shape))
+        return np.asarray(mean + sd * scipy.special.ndtri(numbers).reshape(-1, *mean.shape))
 
 
 class BallSection(Section):
@@ -243,18 +243,9 @@ def _random_numbers(seed: int, key: str, first: int, count: int, width: int) -> 
     return generator.random((count, 4 * counts))[:, :width] + _HALF
 
 
-def _normal(numbers: Array) -> Array:
-    """Values of a standard normal variable (K, k), of random numbers in (0, 1).
-
-    SciPy's ``ndtri`` gives them, too, but its import takes longer than 100,000 of them.
-    """
-    values = map(NormalDist().inv_cdf, numbers.ravel().tolist())
-    return np.fromiter(values, float, numbers.size).reshape(numbers.shape)
-
-
 def _directions(numbers: Array) -> Array:
     """Unit vectors (K, k) without preferred direction, of random numbers in (0, 1)."""
-    normal = _normal(numbers)
+    normal = scipy.special.ndtri(numbers)
     return np.asarray(normal / np.linalg.norm(normal, axis=1, keepdims=True))
 
 
