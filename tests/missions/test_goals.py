@@ -122,9 +122,11 @@ def test_why_a_goal_is_not_reached() -> None:
     hurried = ff.move(system, state, ff.Goal(joints=[0.6, 0.2], duration=1.0), limits)
     assert not hurried.feasible
     assert 5.0 <= hurried.needed["duration"] <= 8.0  # 0.5 rad at 0.1 rad/s, from rest to rest
-    bent = ff.Goal(joints=[0.6, 0.2], duration=20.0)
-    best = ff.move(system, state, bent, replace(limits, base_turn=0.02))
-    assert [entry.name for entry in ff.check(best).discrepancies] == ["feasible"]
+    turning = ff.move(system, state, ff.Goal(joints=[0.6, 0.2], duration=20.0), limits)
+    setting = replace(turning.setting, limits=replace(limits, base_turn=0.02))
+    motion = replace(turning.motion, law=replace(turning.law, setting=setting))
+    turning = replace(turning, setting=setting).with_motion(motion, ff.check_limits(motion))
+    assert [entry.name for entry in ff.check(turning).discrepancies] == ["feasible"]
 
 
 @pytest.mark.parametrize(
