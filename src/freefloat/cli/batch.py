@@ -80,10 +80,11 @@ def batch(
     from freefloat.studies.loading import load_study
     from freefloat.studies.runner import run_study
 
+    unused: dict[str, Any] = {"until": until, "report": report}
     if run is not None:
-        _require_effects("--run", workers=workers, scheduler=scheduler, dry_run=dry_run)
+        unused |= {"workers": workers, "scheduler": scheduler, "dry_run": dry_run}
     if run is not None or dry_run:
-        _require_effects("--dry-run" if run is None else "--run", until=until, report=report)
+        _require_unused("--dry-run" if run is None else "--run", unused)
     console = Console(as_json, quiet)
     loaded = load_study(study)
     if dry_run:
@@ -94,8 +95,8 @@ def batch(
         console.tables(_estimate_tables(estimate))
         return
     if output is None:
-        folder = "-o DIR, a folder for the results; or --dry-run"
-        raise InputError("output", "it is missing", folder if run is None else "-o FILE")
+        accepted = "-o DIR, a folder for the results; or --dry-run" if run is None else "-o FILE"
+        raise InputError("output", "it is missing", accepted)
     if run is not None:
         _write_run(loaded, run, output, console)
         return
@@ -167,11 +168,11 @@ def _fraction(percent: str | None) -> float | None:
     raise InputError("until", f"{percent} was given", "a percentage above 0, below 100")
 
 
-def _require_effects(without: str, **options: Any) -> None:
-    """Raise an InputError for an option that has no effect beside another one."""
+def _require_unused(beside: str, options: dict[str, Any]) -> None:
+    """Raise an InputError for an option that was given, but has no effect beside another one."""
     for key, value in options.items():
         if value not in (None, False):
-            raise InputError(key, f"it has no effect with {without}", "one of both")
+            raise InputError(key, f"it has no effect with {beside}", "one of both")
 
 
 def _estimate_tables(estimate: StudyEstimate) -> Iterator[RenderableType]:

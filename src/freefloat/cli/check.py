@@ -97,8 +97,7 @@ def _tables(report: CheckReport, file: Path) -> Iterator[RenderableType]:
         if violated := sum(entry.exceeds for entry in report.checks):
             yield Text(f"  Limits violated, which the file does not deny: {violated}.", "yellow")
         return
-    wrong = [entry for entry in report.discrepancies if entry.relation == "="]
-    if not wrong and all(entry.name.endswith("feasible") for entry in report.discrepancies):
+    if all(e.name.endswith("feasible") and e.relation != "=" for e in report.discrepancies):
         yield Text(f"{file}: infeasible, as it states; all else that is checked is true.", "yellow")
         return
     yield Text(f"{file}: not verified.", "red")

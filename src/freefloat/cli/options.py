@@ -143,7 +143,7 @@ _MARKS = {
     "ros2-goal": b"trajectory:", "aem": b"ccsds_aem", "mcap": b"mcap", "mjcf": b"<mujoco",
     "png": b"png", "gif": b"gif8", "mp4": b"ftyp",
 }  # fmt: skip
-"""What files of a kind, which outputs of that kind replace, have at their beginning, lower case."""
+"""Bytes near the beginning of files of each kind, in lower case."""
 _BEGINNING = 1024
 """Bytes at the beginning of a file; a URDF may begin with a comment."""
 

@@ -100,7 +100,7 @@ def load_robot(
                 raise InputError(option, reason, "a URDF with it, or that section")
         loaded = load_scenario(robot)
         mounted = loaded.content.robot.spacecraft is not None
-        first, *others = loaded.robot_sources()
+        first, *others = loaded.content.robot.sources(loaded.source)
         found = [*examine(first, mounted), *(entry for other in others for entry in examine(other))]
         diagnostics = _require_no_error(console, found)
         parts = (entry for entry in loaded.model().warnings if entry not in diagnostics)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import tempfile
 import time
 from collections.abc import Mapping, Sequence
@@ -156,7 +155,7 @@ def computed_record(
         joints = problem.model.joint_vector(start["joints"], "start.joints")
         if problem.redundant:  # whose arm branches are others with another robot
             problem = problem.replace(start_joints=joints)
-        elif nearest := problem.nearest(joints, problem.branches(attitude), math.inf):
+        elif nearest := problem.nearest(joints, problem.branches(attitude), np.inf):
             branch = nearest.index
     return simulate(problem, attitude, branch=branch)
 
@@ -236,7 +235,7 @@ def motion_values(chosen: SimulatedBranch) -> dict[str, Any]:
         **margin_values(chosen),
         "branch": chosen.branch.index,
         **attitude_values(attitude),
-        "heading_deg": math.degrees(motion.setting.plane.heading(attitude)) if planar else None,
+        "heading_deg": degrees(motion.setting.plane.heading(attitude)) if planar else None,
         **family("joints", dict(enumerate(motion.initial.joints.tolist()))),
         **family("residuals", motion.residuals().to_dict()),
     }
@@ -278,7 +277,7 @@ def _limiting(chosen: SimulatedBranch, limits: Sequence[LimitResult]) -> dict[st
     if motion.ending is Ending.SINGULAR:
         return {"limiting": SINGULARITY_LIMITS, "limiting_time": motion.final.time}
     required = motion.setting.margin.threshold
-    ratio = required / margin.value if margin.value else math.inf
+    ratio = required / margin.value if margin.value else np.inf
     candidates = [(ratio, MARGIN_LIMITS, margin.time)]
     candidates += [(r.ratio, LIMITING.format(r.limit, r.where), r.time) for r in limits]
     _, name, time = max(candidates, key=lambda candidate: candidate[0])

@@ -18,7 +18,6 @@ from freefloat.io.scenario.schema import OF_PATHS, ScenarioFile
 from freefloat.io.scenario.yaml import error_context, parse_yaml, read_text, validated
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.named_files import find_scenario
-from freefloat.robot.source import RobotSource
 
 
 def load_scenario(name: str | Path | dict[str, Any]) -> Scenario:
@@ -58,9 +57,7 @@ def load_robot(name: str | Path) -> tuple[FreeFloatingModel, list[Path]]:
     data = parse_yaml(text, source)
     schema: type[RobotFile | ScenarioFile] = RobotFile if list(data) == ["robot"] else ScenarioFile
     robot = validated(schema, data, source, text).robot
-    parts = [robot.source(source), *(part.urdf for part in robot.parts(source))]
-    files = [source, *(Path(RobotSource.of(part).name) for part in parts)]
-    return robot.to_model(source), files
+    return robot.to_model(source), [source, *(Path(s.name) for s in robot.sources(source))]
 
 
 def parse_scenario(

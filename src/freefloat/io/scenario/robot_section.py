@@ -180,6 +180,11 @@ class RobotSection(Section):
         numbered = enumerate(self.attached)
         return [p.to_attachment(scenario, f"robot.attached.{k}.", packages) for k, p in numbered]
 
+    def sources(self, scenario: Path) -> tuple[RobotSource, ...]:
+        """The file of the robot, then those that are attached to it; raises as :meth:`source`."""
+        attached = (RobotSource.of(part.urdf) for part in self.parts(scenario))
+        return self.source(scenario), *attached
+
     def _packages(self, folder: Path) -> dict[str, Path]:
         return {name: folder / place for name, place in self.packages.items()}
 

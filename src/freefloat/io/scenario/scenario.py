@@ -34,7 +34,6 @@ from freefloat.paths.timed_path import PathStack, TimedPath, path_key
 from freefloat.paths.timing import Timing
 from freefloat.planning.settings import Search
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.robot.source import RobotSource
 from freefloat.scene.scene import Scene
 from freefloat.scene.scene_body import SceneBody
 from freefloat.singularities.global_maximum import largest_magnitude
@@ -65,11 +64,6 @@ class Scenario:
     samples: Mapping[str, str] = field(default_factory=dict, repr=False)
     robot: FreeFloatingModel | None = field(default=None, repr=False)
     shapes: FileShapes = field(default_factory=dict, repr=False)
-
-    def robot_sources(self) -> tuple[RobotSource, ...]:
-        """The file of the robot, then those that are attached to it."""
-        robot, file = self.content.robot, self.source
-        return robot.source(file), *(RobotSource.of(part.urdf) for part in robot.parts(file))
 
     def model(self) -> FreeFloatingModel:
         """The robot."""
