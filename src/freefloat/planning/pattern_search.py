@@ -43,6 +43,8 @@ Merit = Callable[[Array, IntArray], Array]
 """Merits (M,) of points (M, D), each of the search of that number (M,)."""
 Member = Callable[[Array, IntArray], BoolArray]
 """Which vectors (M, 3), each of the search of that number (M,), belong to a set, shape (M,)."""
+Nearest = Callable[[Array], tuple[Array, IntArray]]
+"""Angles [rad] from attitudes (K, 4) to the nearest of others, and its index, shapes (K,)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -223,11 +225,8 @@ def spread(vectors: Array, count: int) -> Array:
     return np.asarray(pool[taken])
 
 
-def nearest_among(others: Array, threads: int = 1) -> Callable[[Array], tuple[Array, IntArray]]:
-    """A function that finds the nearest of some attitudes (M, 4).
-
-    Of attitudes (K, 4) it returns the angles [rad] to the nearest, and its index, shapes (K,).
-    """
+def nearest_among(others: Array, threads: int = 1) -> Nearest:
+    """A function that finds the nearest of some attitudes (M, 4)."""
     tree = scipy.spatial.cKDTree(np.vstack([others, -others]))
 
     def nearest(attitudes: Array) -> tuple[Array, IntArray]:

@@ -48,11 +48,7 @@ Regularity = Callable[[Array], Array]
 
 
 def confirmed_radius(
-    regularity: Regularity,
-    radius: float,
-    effort: SearchEffort,
-    smallest: float,
-    most: float = np.inf,
+    regularity: Regularity, radius: float, effort: SearchEffort, least: float, most: float = np.inf
 ) -> float:
     """The largest radius, up to a given one, whose ball no adversarial search breaks.
 
@@ -62,15 +58,15 @@ def confirmed_radius(
         regularity: Regularity of deviations.
         radius: Radius to begin with.
         effort: Effort of each search.
-        smallest: Radius below which zero is returned.
+        least: Radius below which zero is returned.
         most: No deviation is larger.
     """
     seed, silent, known = 0, 0, _NONE
-    while radius > smallest:
+    while radius > least:
         outside = violations(regularity, min(BEYOND * radius, most), effort, seed, known)
         seed, silent = seed + 1, silent + 1
         if len(outside):
-            nearest = closest(regularity, outside, smallest)
+            nearest = closest(regularity, outside, least)
             radius, silent = CAUTION * shortest_length(nearest), 0
             known = np.vstack([known, nearest])
         elif silent > min(len(known), 1):

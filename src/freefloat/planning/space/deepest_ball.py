@@ -9,6 +9,7 @@ confirm it.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.planning.candidates import Ball, BoundaryPoint
 from freefloat.planning.pattern_search import (
     Clouds,
+    Nearest,
     Searches,
     depths,
     nearest_among,
@@ -62,18 +64,21 @@ class _Outside:
         self.branch, self._outside = branch, np.empty((0, 4))
         self._domain, self._centres = domain, domain.attitudes(_CENTRES)
         self._distances = np.full(_CENTRES, np.pi)
+        self._nearest, self._balls = list[Nearest](), list[Ball]()
         self.add(outside)
 
     def add(self, outside: Array) -> None:
         """Add attitudes outside, shape (K, 4)."""
         if len(outside):
             self._outside = np.vstack([self._outside, outside])
-            nearest, _ = nearest_among(outside)(self._centres)
-            self._distances = np.minimum(self._distances, nearest)
+            self._nearest.append(nearest_among(outside))
+            self._distances = np.minimum(self._distances, self._nearest[-1](self._centres)[0])
+            self._balls = []
 
-    def radius(self, centre: Array) -> float:
-        """Distance of a centre from the closest attitude outside [rad]."""
-        return float(angle_between(self._outside, centre).min(initial=np.pi))
+    def radii(self, centres: Array) -> Array:
+        """Distances of centres (K, 4) from the closest attitudes outside [rad], shape (K,)."""
+        angles = [nearest(centres)[0] for nearest in self._nearest]
+        return np.asarray(np.min([np.full(len(centres), np.pi), *angles], axis=0))
 
     def directions(self, ball: Ball) -> Array:
         """Rotation vectors from a ball's centre to some attitudes outside close to it, (K, 3)."""
@@ -85,24 +90,25 @@ class _Outside:
 
     def balls(self, count: int) -> list[Ball]:
         """The largest balls with centres in the domain, none within half of another's radius."""
+        if self._balls:
+            return self._balls
         distances = self._distances.copy()
         chosen: list[int] = []
         for _ in range(count):
             chosen.append(int(np.argmax(distances)))
             angles = angle_between(self._centres, self._centres[chosen[-1]])
             distances[angles < distances[chosen[-1]] / 2.0] = 0.0
-
         if not len(self._outside):
             return [Ball(self._centres[0], self.branch, np.pi)]
-        nearest = nearest_among(self._outside)
 
         def merit(attitudes: Array, _: IntArray) -> Array:
-            return np.where(self._domain.contains(attitudes), nearest(attitudes)[0], 0.0)
+            return np.where(self._domain.contains(attitudes), self.radii(attitudes), 0.0)
 
         first = Searches(self._centres[chosen], self._distances[chosen], np.arange(count))
         last = pattern_search(Clouds(), merit, first, self._domain.spacing(_CENTRES), _FINEST)
         balls = zip(last.points, last.merits.tolist(), strict=True)
-        return [Ball(centre, self.branch, radius) for centre, radius in balls]
+        self._balls = [Ball(centre, self.branch, radius) for centre, radius in balls]
+        return self._balls
 
 
 class _BallSearch:
@@ -119,10 +125,9 @@ class _BallSearch:
 
     def updated(self, balls: list[Ball]) -> list[Ball]:
         """The largest of balls with the radii that the attitudes known outside leave them."""
-        return _largest([
-            Ball(ball.attitude, ball.branch, self._limits[ball.branch].radius(ball.attitude))
-            for ball in balls
-        ])  # fmt: skip
+        radii = [self._limits[ball.branch].radii(ball.attitude[None]).item() for ball in balls]
+        pairs = zip(balls, radii, strict=True)
+        return _largest([replace(ball, radius=radius) for ball, radius in pairs])
 
     def probed(self, balls: list[Ball]) -> list[Ball]:
         """Balls with the radii that their centres and attitudes near their spheres leave them."""
