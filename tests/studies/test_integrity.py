@@ -184,6 +184,16 @@ def test_a_link_in_the_place_of_a_file_is_refused_before_the_runs(
     assert {path.name for path in out.iterdir()} <= {"cases", name}
 
 
+@pytest.mark.parametrize("name", ["cases.csv", "report.html", "summary.pdf", "cases/00001.h5"])
+def test_files_that_are_not_those_of_a_study_are_kept(name: str, tmp_path: Path) -> None:
+    file = write_study(tmp_path, VARY, base=SHORT, cases=3)
+    precious = tmp_path / "out" / name
+    precious.parent.mkdir(parents=True)
+    precious.write_text("x,y,z\n1,0,0\n")
+    assert error("batch", file, "-o", tmp_path / "out")["key"] == "output"
+    assert precious.read_text() == "x,y,z\n1,0,0\n"
+
+
 def test_a_damaged_lock_is_named(tmp_path: Path) -> None:
     file = write_study(tmp_path, VARY, base=SHORT, cases=3)
     (tmp_path / "out").mkdir()

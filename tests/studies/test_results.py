@@ -146,6 +146,14 @@ def test_the_summary_counts_verdicts_and_margins(study: Study, tmp_path: Path) -
     assert document["case_seconds"] == pytest.approx(1.1)
 
 
+def test_headings_on_a_circle_have_no_percentiles(tmp_path: Path) -> None:
+    study = a_study(tmp_path)
+    runs = ({"number": n, "verdict": "feasible", "heading_deg": a, "margin": 5.0 + n}
+            for n, a in enumerate((1.0, 359.0)))  # fmt: skip
+    result = StudyResult(study, finished(study, tmp_path, *runs), tmp_path)
+    assert set(result.percentiles) == {"margin"}
+
+
 @pytest.mark.slow
 def test_the_report_has_the_numbers_and_escapes_names(tmp_path: Path) -> None:
     vary = {"timing.duration": {"list": [50, 60, 70]}, "momentum.2": {"uniform": [0, 1]}}

@@ -95,6 +95,19 @@ def test_runs_are_grouped_where_a_combination_has_several(tmp_path: Path) -> Non
     assert single.combinations == []
 
 
+def test_what_runs_do_not_consider_is_said_of_varied_keys_too(tmp_path: Path) -> None:
+    def unchecked(vary: dict[str, Any], **keys: Any) -> str:
+        return " ".join(ff.load_study(write_study(tmp_path, vary, **keys)).unchecked)
+
+    rates = {"limits.base_rate": {"list": [1e-6, 1.0]}}
+    assert "limits" in unchecked(rates, **TRACK)
+    assert "limits" not in unchecked(VARY, **TRACK)
+    corridor = {"point": [0.0, 0.0, 0.0], "axis": [1.0, 0.0, 0.0], "radius": 9.0}
+    base = SHORT | {"scene": {"corridor": corridor}}
+    assert "limits" in unchecked(VARY, **TRACK | {"base": base})
+    assert "fastest" in unchecked({"timing.law": {"list": ["quintic", "optimal"]}})
+
+
 def test_keys_of_the_section_belong_to_the_command(tmp_path: Path) -> None:
     def key(vary: dict[str, Any], **keys: Any) -> str:
         return error_key(ff.load_study, write_study(tmp_path, vary, **TRACK | keys))

@@ -205,6 +205,15 @@ def test_some_limits_are_checked_on_recorded_motions(
             assert_same(row, simulation)
 
 
+def test_the_worst_of_several_recorded_limits_is_the_one_that_limits(tmp_path: Path) -> None:
+    limits = {"joint_acceleration": 0.0127, "joint_jerk": 0.003, "joint_torque": 0.012}
+    study = a_spatial_study(tmp_path, VARY, base=BASE | {"limits": limits}, cases=16)
+    rows, pairs = rows_and_simulations(study, tmp_path / "out", 4)
+    assert any("joint_jerk" in row["limiting"] for row in rows)
+    for row, simulation in pairs:
+        assert_same(row, simulation)
+
+
 def test_bounds_of_limits_and_of_the_margin_vary_at_random(tmp_path: Path) -> None:
     """A fraction, and bounds of a limit, of a joint's rate and of the angle of a cone."""
     limits = LIMITS | {"joint_rate": {"elbow_joint": 0.1, "wrist_2_joint": 0.1}}

@@ -123,7 +123,7 @@ class RecordedLimits:
         """The limits along recorded motions, and whether torques are resolved, shape (K,)."""
         count, rows = len(recorded.joints), np.arange(len(recorded.joints))
         values = LimitValues.empty(count, len(self.names))
-        kept, resolved = recorded.completed.copy(), recorded.completed.copy()
+        known, resolved = recorded.completed.copy(), recorded.completed.copy()
         if self.joint_torque is not None:
             torques = largest_torques(recorded, threads)
             scales = recorded.disturbed.scales[:, -len(self.joint_torque) :] / self.joint_torque
@@ -134,19 +134,24 @@ class RecordedLimits:
             values.places[:, 0] = place
             resolved &= error <= _RESOLVED * largest
             values.certain[:, 0] = resolved & (np.abs(largest - 1.0) > 2.0 * _RESOLVED)
-            kept &= values.certain[:, 0] & (largest <= 1.0)
-        for k in np.flatnonzero(kept).tolist() if self.along else ():
+            known &= values.certain[:, 0]
+        for k in np.flatnonzero(known).tolist() if self.along else ():
             self._note(recorded, k, values)
         return values, resolved
 
     def _note(self, recorded: RecordedMotions, k: int, values: LimitValues) -> None:
-        """Write the limits along motion k, up to the first that is violated or undecided."""
+        """Write the limits along motion k, up to one that is undecided.
+
+        Clearances, which take by far the longest, are left out where another limit is violated.
+        """
         problem, stretch = self.problem, recorded.disturbed.stretches[k]
         if problem.scene.bodies or any(limit.exponent for limit in self.along):
             problem = recorded.disturbed.problem_of(k)
         states = recorded.times, recorded.attitudes[k], recorded.joints[k]
         motion = Motion(PathLaw(problem), Ending.COMPLETED, *states)
         for column, limit in enumerate(self.along, len(self.names) - len(self.along)):
+            if isinstance(limit, ClearanceLimit) and (values.ratios[k] > 1.0).any():
+                break
             result, scale = limit.worst(motion), stretch**-limit.exponent
             values.ratios[k, column] = result.ratio * scale
             values.times[k, column] = result.time * stretch
@@ -154,7 +159,7 @@ class RecordedLimits:
             worst = (result.worst if result.at_least else abs(result.worst)) * scale
             error = max(limit.accuracy, _UNDECIDED * abs(result.allowed))
             values.certain[k, column] = abs(worst - result.allowed) > error
-            if result.ratio * scale > 1.0 or not values.certain[k, column]:
+            if not values.certain[k, column]:
                 break
 
 

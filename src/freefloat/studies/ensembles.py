@@ -14,6 +14,7 @@ from freefloat.concurrency import available_cores
 from freefloat.ensemble.disturbed_verdicts import ManyMotions
 from freefloat.ensemble.endings import DECIDERS
 from freefloat.kinds import STUDY_COMMANDS, named
+from freefloat.limits.kinds import KINDS
 from freefloat.motion.motion import Ending
 from freefloat.robot.model import range_ratios
 from freefloat.so3 import Array, IntArray
@@ -96,7 +97,9 @@ def _columns(group: Group, motions: ManyMotions, decided: IntArray) -> dict[str,
     violated = ratios > 1.0
     codes = violated @ (1 << np.arange(len(group.limit_names)))
     _, first, which = np.unique(codes, return_index=True, return_inverse=True)
-    sets = (compress(group.limit_names, row) for row in violated[first].tolist())
+    order = [kind.name for kind in KINDS]  # as for motions
+    sets = (sorted(compress(group.limit_names, row), key=order.index)
+            for row in violated[first].tolist())  # fmt: skip
     limits = np.array([LIMITS_REASON.format(", ".join(names)) for names in sets])
     reasons = np.where(margin_kept, limits[which], reasons)
     attitudes, joints = motions.attitudes[decided], motions.joints[decided]

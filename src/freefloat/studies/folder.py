@@ -9,7 +9,7 @@ from contextlib import ExitStack, closing, contextmanager, suppress
 from pathlib import Path
 
 from freefloat.errors import InputError
-from freefloat.io.files import file_errors, make_folder
+from freefloat.io.files import RESULT, file_errors, make_folder, require_replaceable
 
 DATABASE, LOCK, FILES = "study.sqlite", "study.lock", "cases"
 """Names of the database, of the lock while the study runs, and of the folder of result files."""
@@ -17,6 +17,11 @@ PARQUET, CSV, REPORT, FIGURE = "cases.parquet", "cases.csv", "report.html", "sum
 """Names of the tables, of the report, and of its figure without a suffix."""
 _OUTPUTS = (f"{DATABASE}*", f"{LOCK}*", PARQUET, CSV, REPORT, f"{FIGURE}.*")
 """Patterns of the names of files in the folder."""
+_KINDS = {
+    PARQUET: "parquet", CSV: "table of runs", REPORT: "page",
+    f"{FIGURE}.png": "png", f"{FIGURE}.pdf": "pdf",
+}  # fmt: skip
+"""Kinds of the files that a study replaces."""
 WRITABLE = "a writable folder with space"
 _NO_LINK = "no link, whose file would be overwritten; or another folder"
 
@@ -38,11 +43,14 @@ def prepare_folder(folder: Path) -> None:
             # opening a named pipe would wait for ever; SQLite deletes files of its own meanwhile
             if not usable and os.path.lexists(path):
                 raise InputError("output", f"{path} is not a regular file", "another folder")
+        for name, kind in _KINDS.items():
+            require_replaceable("output", folder / name, kind)
         if cases.is_dir():
             with os.scandir(cases) as files:
                 for file in files:
                     if file.is_symlink():
                         raise InputError("output", f"{file.path} is a link", _NO_LINK)
+                    require_replaceable("output", Path(file.path), RESULT)
 
 
 @contextmanager

@@ -86,6 +86,8 @@ def _check_values(study: Study) -> None:
     for key, section in vary.items():
         if section.so3 is not None and section.so3.center is not None:
             unit_quaternion(f"vary.{key}.so3.center", section.so3.center)
+    if content.attitude is not None:
+        unit_quaternion("attitude", content.attitude)
     numbers = sum(section.numbers for section in vary.values())
     if numbers > _MAX_VALUES:
         raise InputError("vary", f"{numbers:,} numbers are listed", f"at most {_MAX_VALUES:,}")
@@ -96,6 +98,9 @@ def _check_values(study: Study) -> None:
     if bool(random) != (content.cases is not None):
         accepted = f"the number of draws of {', '.join(random)}" if random else "no such key"
         raise InputError("cases", f"{content.cases}, with {len(random)} random keys", accepted)
+    for key, used in (("seed", random), ("combine", len(lengths) > 1)):
+        if key in content.model_fields_set and not used:
+            raise InputError(key, "it has no effect on these keys", "a study without it")
     if study.count > MAX_RUNS:
         raise InputError("vary", f"{study.count:,} runs", f"at most {MAX_RUNS:,}")
     for key, other in itertools.permutations(vary, 2):

@@ -22,7 +22,7 @@ _MAX_LISTED = 20
 """Largest number of errors, of reasons and of limiting quantities in the document."""
 PERCENTILES = 5, 25, 50, 75, 95, 99
 """Percentages of runs at most at the percentiles."""
-_NOT_SUMMED = "attitude.", "final_attitude.", "seconds"
+_NOT_SUMMED = "attitude.", "final_attitude.", "heading_deg", "found.heading_deg", "seconds"
 """Beginnings of the names of columns without percentiles."""
 _SAME_NUMBER = 1e-9
 """Relative differences of numbers that are the same."""

@@ -37,10 +37,7 @@ from freefloat.studies.variation import Variation, margin_value, scenario_from, 
 CLEARANCE = "limits.clearance"
 UNDISTURBED = -1
 """In place of the number of a run: the base scenario as it is, with the start of the runs."""
-_CONTACT_UNCHECKED = (
-    "contact between bodies is not considered; limits: {clearance: 0} in the base scenario "
-    "considers it"
-)
+_CONTACT_UNCHECKED = "contact is not considered: limits: {clearance: 0} in the base scenario does"
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,8 +85,9 @@ class Study:
         """Arm branch of the runs in words; None where these have no attitude."""
         if not self.initial_attitude(0):
             return None
-        start = self.content.start or self.default_start
-        return str(start or "the one that simulate chooses for the unvaried scenario")
+        rule = "the one that simulate chooses for the unvaried scenario"
+        rule += f" with {CLEARANCE}: {OFF}" * self._leaves_contact(self.base)
+        return str(self.content.start or self.default_start or rule)
 
     @cached_property
     def _clearances(self) -> list[Any]:
@@ -106,13 +104,16 @@ class Study:
     @property
     def unchecked(self) -> tuple[str, ...]:
         """Sentences on what runs do not consider, though somebody may expect it."""
-        limits = self.content.command is Command.TRACK and self.base.get("limits")
+        tracks = self.content.command is Command.TRACK
+        corridors = (scene.get("corridor") for scene in self._sections("scene"))
+        varied = (key.startswith(("limits.", "scene.corridor")) for key in self.content.vary)
+        limits = tracks and any((*self._sections("limits"), *corridors, *varied))
         tracked = "track considers the margin and the path, not the limits of the scenario"
-        timing = self.base.get("timing") or {}
-        timed = timing.get("law") == TimeLaw.OPTIMAL and not timing.get("speeds")
+        laws = (time.get("law") for time in self._sections("timing") if not time.get("speeds"))
+        timed = tracks or self.content.command is Command.SIMULATE
+        timed &= TimeLaw.OPTIMAL in (*laws, *self.variation.listed.get("timing.law", ()))
         optimal = "the duration is the one of the scenario: plan alone finds the fastest timing"
-        simulated = timed and self.content.command in (Command.SIMULATE, Command.TRACK)
-        sentences = self.contact_unchecked, limits and tracked, simulated and optimal
+        sentences = self.contact_unchecked, limits and tracked, timed and optimal
         return tuple(sentence for sentence in sentences if sentence)
 
     @cached_property
@@ -161,11 +162,15 @@ class Study:
         """
         if self.varies_robot:
             document = document | self._margin_value(document)
+        if self._leaves_contact(document):
+            document = document | {"limits": (document.get("limits") or {}) | {"clearance": OFF}}
+        return document
+
+    def _leaves_contact(self, document: dict[str, Any]) -> bool:
+        """Whether runs do not consider contact, because some data state no clearance."""
         limits = document.get("limits") or {}
         stated = not isinstance(limits, dict) or limits.get("clearance") is not None
-        if stated or self.content.command is not Command.SIMULATE:
-            return document
-        return document | {"limits": limits | {"clearance": OFF}}
+        return self.content.command is Command.SIMULATE and not stated
 
     def _margin_value(self, document: dict[str, Any]) -> dict[str, Any]:
         return margin_value(document, self.base_source, lambda: self.base_robot)
@@ -179,7 +184,7 @@ class Study:
     def inputs(self, number: int) -> dict[str, Any]:
         """What determines a run's motion: its document, with a margin's value, and its start."""
         document = self.posed(self.document(number))
-        document = document | self._margin_value(document)
+        document |= self._margin_value(document)
         return {"document": document, "start": self.start(number)}
 
     def scenario(self, number: int) -> Scenario:
@@ -292,9 +297,3 @@ class Study:
         sets = self.start_problem.many_branches(attitudes)
         joints[np.nonzero(sets.exist)[0]] = sets.joints[sets.exist]
         return joints
-
-    def tracking(self, number: int) -> dict[str, Any]:
-        """The arguments of :func:`~freefloat.beyond.engines.tracking.track` in a run."""
-        items = self.parameters(number).items()
-        varied = {key.removeprefix(TRACK): value for key, value in items if key.startswith(TRACK)}
-        return self.content.track.model_dump() | varied

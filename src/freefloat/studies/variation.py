@@ -196,7 +196,8 @@ def _entry(node: Any, name: str, path: str, default: Any) -> Any:
         raise InputError(path, problem, "a path through keys or lists")
     if not (name.isdecimal() and int(name) < len(node)):
         problem = f"the base scenario has {len(node)} entries there"
-        raise InputError(path, problem, f"an index from 0 to {len(node) - 1}")
+        accepted = f"an index from 0 to {len(node) - 1}" if node else "a base scenario with some"
+        raise InputError(path, problem, accepted)
     return node[int(name)]
 
 

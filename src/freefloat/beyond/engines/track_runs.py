@@ -22,7 +22,7 @@ from freefloat.studies.columns import FEASIBLE, INFEASIBLE, MARGIN_REASON, NUMBE
 from freefloat.studies.disturbances import NO_ROWS, Chunk
 from freefloat.studies.run import computed_record, motion_values, record_values
 from freefloat.studies.study import Study
-from freefloat.studies.study_file import Command
+from freefloat.studies.study_file import TRACK, Command
 from freefloat.studies.workers import PortableStudy
 
 _FEWEST, _CHUNK = 8, 256
@@ -40,7 +40,7 @@ def chunks(study: Study, missing: IntArray) -> Iterator[Chunk]:
     """
     groups: dict[tuple[str, float], list[int]] = {}
     for number in missing.tolist():
-        key = json.dumps(study.inputs(number)), study.tracking(number)["period"]
+        key = json.dumps(study.inputs(number)), _arguments(study, number)["period"]
         groups.setdefault(key, []).append(number)
         if len(groups[key]) == _CHUNK:
             yield _chunk(groups.pop(key))
@@ -57,9 +57,16 @@ def values(study: Study, number: int) -> dict[str, Any]:
     """The values of one run."""
     inputs = json.dumps(study.inputs(number))
     followed = followed_motion(inputs, study.base_source.absolute())
-    (values,) = _all_values(followed, [study.tracking(number)])
+    (values,) = _all_values(followed, [_arguments(study, number)])
     row: dict[str, Any] = finite(values)
     return row
+
+
+def _arguments(study: Study, number: int) -> dict[str, Any]:
+    """The arguments of :func:`.tracking.track` in a run."""
+    items = study.parameters(number).items()
+    varied = {key.removeprefix(TRACK): value for key, value in items if key.startswith(TRACK)}
+    return study.content.track.model_dump() | varied
 
 
 def computed(study: PortableStudy, chunk: Chunk, threads: int | None = None) -> Columns:
@@ -72,7 +79,7 @@ def computed(study: PortableStudy, chunk: Chunk, threads: int | None = None) -> 
     """
     here, threads = study.here, threads or available_cores()
     began, begin = datetime.now(UTC).isoformat(timespec="milliseconds"), time.perf_counter()
-    arguments = {number: here.tracking(number) for number in chunk.numbers.tolist()}
+    arguments = {number: _arguments(here, number) for number in chunk.numbers.tolist()}
     try:
         inputs = json.dumps(here.inputs(chunk.first))
         followed = followed_motion(inputs, here.base_source.absolute())
