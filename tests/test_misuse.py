@@ -13,6 +13,7 @@ from freefloat.beyond.joint_space.components import singularity_components
 from freefloat.dynamics.generalized_jacobian import generalized_determinant, system_matrix
 from freefloat.dynamics.momentum import end_effector_jacobian, inertia_matrices, momentum_map
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
+from freefloat.io.trajectory import Trajectory
 from freefloat.planning.simulation import Simulation
 from tests.errors import error_key
 
@@ -94,6 +95,7 @@ def test_vectors_are_finite_and_real(problem: ff.Problem, vector: object) -> Non
 def test_joints_are_as_many_finite_numbers_as_move(function) -> None:
     model = ff.FreeFloatingModel.from_urdf("spatial_6dof")
     wrong = [0.1] * 5, [0.1] * 7, [0.1] * 5 + [np.nan], ["1"] * 6, [1j] * 6, 0.3, None, {"q1": 1}
+    wrong += ([[1.0], [2.0, 3.0]],)
     for joints in (*wrong, np.zeros((2, 2, 6))):
         assert error_key(function, model, joints) == "joints"
     assert system_matrix(model, np.zeros((0, 6)), "position").shape == (0, 6, 9)
@@ -152,5 +154,17 @@ def test_arguments_of_other_types_are_refused(problem: ff.Problem, simulation: S
         ("measure", lambda: ff.singularity_measure(problem.model, "position", ["gjm"])),
         ("factor", lambda: problem.stretched(0.0)),
         ("goal.pose.rotation", lambda: ff.Goal(ff.so3.Pose(np.ones(3), np.diag([1, 1, -1])))),
+        ("goal.pose.position", lambda: ff.Goal(ff.so3.Pose([1.0, 0.0], np.eye(3)))),
+        ("goal.joints", lambda: ff.Goal(joints=[[1.0], [2.0, 3.0]])),
+        ("start_joints", lambda: problem.replace(start_joints=[[1.0], [2.0, 3.0]])),
+        ("times", lambda: Trajectory.of(motion, [])),
+        ("times", lambda: motion.sample([[1.0, 2.0]])),
+        ("boundary", lambda: ff.attitude_map(problem, 24, boundary=-1)),
+        ("levels", lambda: ff.margin_curves(motion.problem, np.nan)),
+        ("level", lambda: ff.touch_points(motion.problem, level="5")),
+        ("branch", lambda: ff.simulate(motion.problem, heading=0.0, branch=[])),
+        ("mass_error", lambda: ff.track(simulation, mass_error=[0.1, 0.2])),
+        ("arms.left", lambda: LOAD(arms={"left": None})),
+        ("fixed_joints.q2", lambda: LOAD("end_effector", fixed_joints={"q2": "0.5"})),
     ):
         assert error_key(call) == key

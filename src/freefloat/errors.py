@@ -214,6 +214,16 @@ def number_array(key: str, values: npt.ArrayLike, accepted: str) -> npt.NDArray[
     raise InputError(key, f"{values!r} was given", accepted)
 
 
+def axes_of(values: npt.ArrayLike) -> int:
+    """Number of axes of an array; 0 of lists that are none, because their lengths differ."""
+    import numpy as np
+
+    try:
+        return np.ndim(values)
+    except ValueError:
+        return 0
+
+
 def finite_vector(key: str, values: npt.ArrayLike, length: int) -> npt.NDArray[np.float64]:
     """The values as an array of ``length`` finite numbers; else an InputError."""
     import numpy as np

@@ -65,13 +65,14 @@ class Pose:
         """A pose as it is given, or one of Pinocchio (``pin.SE3``).
 
         Raises:
-            InputError: Naming ``key``, for anything else, or if it has no rotation.
+            InputError: Naming ``key``, for anything else, or if it has no position or rotation.
         """
         try:
             pose = value if isinstance(value, cls) else cls(value.translation, value.rotation)
         except AttributeError:
             problem = f"{type(value).__name__} was given"
             raise InputError(key, problem, f"{accepted}, or a pin.SE3") from None
+        finite_vector(f"{key}.position", pose.position, 3)
         attitude_axes(f"{key}.rotation", pose.rotation)
         return pose
 

@@ -15,6 +15,7 @@ from freefloat.errors import InputError
 from freefloat.io.files import written_beside
 from freefloat.io.verified_hdf5 import AlteredFileError
 from freefloat.robot.named_files import find_robot
+from freefloat.so3 import heading_quaternion
 from freefloat.verification.tolerances import differences
 from tests.plans import planar_plan
 from tests.result_files import altered, replaced, with_digest
@@ -73,6 +74,22 @@ def test_a_problem_without_limits_has_none_when_it_is_loaded(tmp_path):
         loaded = ff.load(tmp_path / "result.h5")
         assert loaded.problem.limits is None
         assert loaded.to_dict() == result.to_dict()
+
+
+@pytest.mark.parametrize("name", ["spatial_6dof/line", "planar_3dof/parabola"])
+def test_a_file_has_the_joints_that_the_arm_of_a_problem_starts_near(name, tmp_path):
+    problem = ff.load_scenario(name).problem()
+    attitude = heading_quaternion(3.0) if problem.has_headings else [0.46, 0.0935, 0.7352, -0.489]
+    problem = problem.replace(start_joints=problem.branches(attitude)[0].joints)
+    results = (
+        ff.plan(problem, ff.Search(samples=64), tolerances=False),
+        ff.attitude_map(problem, 64),
+    )
+    for result in results:
+        ff.save(result, tmp_path / "result.h5")
+        loaded = ff.load(tmp_path / "result.h5")
+        np.testing.assert_array_equal(loaded.problem.start_joints, problem.start_joints)
+        assert ff.check(loaded).passed
 
 
 @pytest.mark.slow

@@ -100,6 +100,17 @@ def test_meshes_are_found_wherever_the_file_is(copied: bool, tmp_path: Path) -> 
     assert all((moved / name).is_file() and Path(name).is_absolute() != copied for name in names)
 
 
+def test_copies_of_meshes_replace_no_file(tmp_path: Path) -> None:
+    assembled_parts(tmp_path)
+    (tmp_path / "out_meshes").mkdir()
+    precious = tmp_path / "precious.txt"
+    precious.write_text("precious")
+    (tmp_path / "out_meshes" / "base.dae").symlink_to(precious)
+    words = "assemble", tmp_path / "robot.yaml", "-o", tmp_path / "out.urdf", "--copy-meshes"
+    assert commands.error(*words)["key"] == "output"
+    assert precious.read_text() == "precious"
+
+
 def test_a_second_arm_is_attached(tmp_path: Path) -> None:
     """Its names have a prefix, its joints are fixed, its mass counts."""
     pose = {"xyz": [0.5, 0, 0], "rpy": [0, 1.5, 0]}

@@ -52,10 +52,12 @@ def test_example_1_passes_the_stop_at_rest(planar):
     assert 1e-4 < np.abs(rates).max() + drift < 5e-2
 
 
-def test_a_motion_may_begin_and_end_anywhere_on_its_way(spatial):
+def test_a_motion_may_begin_and_end_anywhere_on_its_way(spatial, tmp_path):
     whole = simulated(spatial, GOOD, 2)
     first = ff.integrate_motion(spatial, whole.initial.attitude, whole.initial.joints, end=37.0)
     assert first.final.time == 37.0
+    assert (first.completed, first.ending) == (True, Ending.PART)
+    assert error_key(ff.export, first, tmp_path / "part.yaml") == "format"
     second = ff.integrate_motion(spatial, first.final.attitude, first.final.joints, start=37.0)
     assert_close(second.final.joints, whole.final.joints, atol=1e-7)
     back = ff.integrate_motion(

@@ -93,6 +93,14 @@ def test_an_orientation_whose_rate_is_not_that_of_its_rotation_is_refused() -> N
     assert error_key(ff.EndEffectorPath, line, still(turning.start, turning.end)) == "orientation"
 
 
+def test_a_curve_whose_second_derivative_is_not_that_of_its_values_is_refused() -> None:
+    class Straightened(ff.paths.PolynomialCurve):
+        def __call__(self, s: float | np.ndarray, order: int = 0) -> np.ndarray:
+            return super().__call__(s, order) * (order < 2)
+
+    assert error_key(ff.EndEffectorPath, Straightened(np.eye(3))) == "curve"
+
+
 AXES = Rotation.from_rotvec([0.3, -0.8, 0.5]).as_matrix()
 CURVE = ArcCurve([1.0, 0.2, 0.0], [1.5, 0.2, 0.0], [0.0, 0.2, 1.0], 1.2)
 

@@ -160,6 +160,16 @@ def test_an_attached_arm_is_pinocchios_own_sum_of_two_models(seed: int) -> None:
     assert np.allclose(*masses, rtol=0, atol=1e-12 * np.abs(masses[0]).max())
 
 
+def test_parts_are_attached_by_name_and_masses_scaled_by_numbers_of_numpy() -> None:
+    tool = Attachment("planar_2dof", prefix="tool_")
+    factor = {"tool_link_2": np.float64(2.0)}
+    model = ff.FreeFloatingModel.from_urdf(
+        "planar_2dof", "end_effector", attached=[tool], scale_mass=factor
+    )
+    alone = ff.FreeFloatingModel.from_urdf("planar_2dof")
+    assert model.total_mass == pytest.approx(2.0 * alone.total_mass + alone.bodies[-1].mass)
+
+
 def test_an_empty_root_gives_way_to_what_is_joined_to_it() -> None:
     """Also where several joints leave it and one of them moves, under an awkward mount."""
     arm = '<robot name="a">' + link_text("world")

@@ -16,7 +16,13 @@ import typer
 from typer.core import TyperCommand
 
 from freefloat.errors import InputError
-from freefloat.io.files import make_folder, require_result_name, require_writable
+from freefloat.io.files import (
+    RESULT,
+    make_folder,
+    require_replaceable,
+    require_result_name,
+    require_writable,
+)
 
 _YAML, _ROBOT = (".yaml", ".yml"), (".urdf", ".xacro", ".xml")
 
@@ -136,20 +142,8 @@ def _require_numbers(name: str, text: str, metavar: str) -> None:
         )
 
 
-_RESULT = "result file"
-_MARKS = {
-    _RESULT: b"freefloat sha-256 ", "page": b"<!doctype html", "urdf": b"<robot",
-    "csv": b"time [s]", "json": b'{"robot"', "mat": b"matlab", "ros2": b"header:",
-    "ros2-goal": b"trajectory:", "aem": b"ccsds_aem", "mcap": b"mcap", "mjcf": b"<mujoco",
-    "png": b"png", "gif": b"gif8", "mp4": b"ftyp",
-}  # fmt: skip
-"""Bytes near the beginning of files of each kind, in lower case."""
-_BEGINNING = 1024
-"""Bytes at the beginning of a file; a URDF may begin with a comment."""
-
-
 def prepare_outputs(
-    *inputs: Path, folder: Path | None = None, kind: str = _RESULT, **files: Path | None
+    *inputs: Path, folder: Path | None = None, kind: str = RESULT, **files: Path | None
 ) -> None:
     """Check output files, and make a folder, before the work whose results they will hold.
 
@@ -168,27 +162,16 @@ def prepare_outputs(
         if file is None:
             continue
         own = {"html": "page", "video": file.suffix.lower()[1:]}.get(option, kind)
-        if own == _RESULT:
+        if own == RESULT:
             require_result_name(file)
         require_writable(option, file)
-        _require_replaceable(option, file, own)
+        require_replaceable(option, file, own)
         path = file.resolve()
         if path in names:
             raise InputError(option, f"{file} is also {names[path]}", "a file of its own")
         names[path] = f"--{option}"
     if folder is not None:
         make_folder("plots", folder)
-
-
-def _require_replaceable(option: str, file: Path, kind: str) -> None:
-    """Raise an InputError if an output would replace a file of another kind, such as a scenario."""
-    if not file.exists():
-        return
-    with file.open("rb") as content:
-        begin = content.read(_BEGINNING).lower()
-    if begin and (kind not in _MARKS or _MARKS[kind] not in begin):
-        problem = f"{file} exists and is no {kind}: it is not replaced"
-        raise InputError(option, problem, "another name")
 
 
 def distinct_stems(files: Sequence[Path]) -> list[str]:

@@ -23,7 +23,7 @@ from freefloat.dynamics.tasks import (
     prescribed_rows,
     required_plane,
 )
-from freefloat.errors import InputError
+from freefloat.errors import InputError, axes_of
 from freefloat.robot.joint_values import INERTIAL, configurations, finite_after
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array
@@ -201,7 +201,7 @@ def _maps(model: FreeFloatingModel, joints: npt.ArrayLike, task: Task) -> tuple[
     """
     robot, data, axes = model.pin_model, model.scratch, task.reference_frame
     frames = model.frame_ids
-    if (getattr(joints, "ndim", None) or np.ndim(joints)) == 2:  # np.ndim costs more
+    if (getattr(joints, "ndim", None) or axes_of(joints)) == 2:  # the second costs more
         rows = configurations(joints, model.dof)
         A_G, J = np.empty((2, len(rows), 6, 6 + model.dof))
         J = np.repeat(J, len(frames), axis=1)

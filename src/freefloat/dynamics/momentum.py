@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
+from freefloat.errors import axes_of
 from freefloat.robot.joint_values import INERTIAL, configuration_vector, finite_after
 from freefloat.robot.model import FreeFloatingModel, require_model
 from freefloat.so3 import UPRIGHT, Array
@@ -139,7 +140,7 @@ def stacked(
     function: Callable[..., tuple[Array, ...]], *vectors: npt.ArrayLike
 ) -> tuple[Array, ...]:
     """Matrices that are functions of vectors (n,), or stacks of them for vectors (K, n)."""
-    if np.ndim(vectors[0]) != 2:
+    if axes_of(vectors[0]) != 2:
         return function(*vectors)
     rows: list[Any] = [*zip(*vectors, strict=True)]
     any_row = rows[0] if rows else [np.eye(np.shape(vector)[1])[-1] for vector in vectors]

@@ -23,6 +23,17 @@ _RESULTS = (".h5", ".hdf5")
 """Suffixes of result files."""
 _FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n")
 """Beginnings of cells that spreadsheets evaluate."""
+RESULT = "result file"
+_MARKS = {
+    RESULT: b"freefloat sha-256 ", "page": b"<!doctype html", "urdf": b"<robot",
+    "csv": b"time [s]", "json": b'{"robot"', "mat": b"matlab", "ros2": b"header:",
+    "ros2-goal": b"trajectory:", "aem": b"ccsds_aem", "mcap": b"mcap", "mjcf": b"<mujoco",
+    "png": b"png", "pdf": b"%pdf", "gif": b"gif8", "mp4": b"ftyp", "table of runs": b"case,",
+    "parquet": b"par1",
+}  # fmt: skip
+"""Bytes near the beginning of files of each kind, in lower case."""
+_BEGINNING = 1024
+"""Bytes at the beginning of a file; a URDF may begin with a comment."""
 _FOLDER = "a writable folder, or the name of one in an existing, writable folder"
 
 
@@ -75,6 +86,17 @@ def require_writable(key: str, path: Path) -> None:
         _require_folder(path.parent)
         with suppress(FileNotFoundError):  # a name that is too long is another error
             os.lstat(_temporary(path))
+
+
+def require_replaceable(key: str, file: Path, kind: str) -> None:
+    """Raise an InputError if a file would replace one of another kind, such as a scenario."""
+    if not file.exists():
+        return
+    with file.open("rb") as content:
+        begin = content.read(_BEGINNING).lower()
+    if begin and (kind not in _MARKS or _MARKS[kind] not in begin):
+        problem = f"{file} exists and is no {kind}: it is not replaced"
+        raise InputError(key, problem, "another name")
 
 
 def make_folder(key: str, folder: Path) -> None:

@@ -152,8 +152,10 @@ class Trajectory:
         Raises:
             InputError: If a time lies outside the motion.
         """
-        times = np.atleast_1d(np.asarray(times, dtype=float))
         _, attitudes, joints = motion.evaluate(motion.coordinates_at(times))
+        times = np.atleast_1d(np.asarray(times, dtype=float))
+        if not times.size:
+            raise InputError("times", "none was given", "one time [s] or more")
         setting, model = motion.setting, motion.model
         n = model.dof
         effort = motion.law.effort(times, attitudes, joints)

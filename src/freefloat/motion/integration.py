@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from functools import partial
 from itertools import pairwise
 
@@ -87,6 +88,8 @@ def integrate_motion(
     end = problem.path.duration if end is None else end
     first = _first_node(problem, attitude, joints, start, end)
     motion = motion_from(problem, first, end, tolerance)
+    if motion.completed and abs(end - start) < problem.path.duration:
+        motion = replace(motion, ending=Ending.PART)
     if stop_at_margin and problem.margin.threshold:
         motion = _cut(motion, problem.margin.measure, problem.margin.threshold, Ending.MARGIN)
     return motion

@@ -17,7 +17,7 @@ import numpy.typing as npt
 from numpy.polynomial import chebyshev
 
 from freefloat.dynamics.inverse_dynamics import Forces
-from freefloat.errors import InputError
+from freefloat.errors import InputError, number_array
 from freefloat.motion.law import JointLaw, PathLaw
 from freefloat.motion.panels import DEGREE, NODES, TO_COEFFICIENTS, parameters_at, require_nodes
 from freefloat.motion.problem import Problem
@@ -32,6 +32,7 @@ class Ending(Enum):
     """How a motion along a path ended; the value is the sentence shown in tables."""
 
     COMPLETED = "The whole path was followed."
+    PART = "The part of the path that was asked for was followed."
     SINGULAR = "The arm became singular."
     MARGIN = "The margin to a dynamic singularity was used up."
 
@@ -115,13 +116,13 @@ class Motion:
 
     @property
     def completed(self) -> bool:
-        """Whether the whole path was followed, or the whole joint curve."""
-        return self.ending is Ending.COMPLETED
+        """Whether the path, or the joint curve, was followed as far as was asked for."""
+        return self.ending in (Ending.COMPLETED, Ending.PART)
 
     @property
     def outcome(self) -> str:
         """How the motion ended, in a sentence."""
-        return self.law.followed if self.completed else self.ending.value
+        return self.law.followed if self.ending is Ending.COMPLETED else self.ending.value
 
     @derived
     def base_positions(self) -> Annotated[Array, "m"]:
@@ -213,7 +214,9 @@ class Motion:
         Raises:
             InputError: If a time lies outside the motion.
         """
-        times = np.atleast_1d(np.asarray(times, dtype=float))
+        times = np.atleast_1d(number_array("times", times, "times [s]"))
+        if times.ndim != 1:
+            raise InputError("times", f"shape {times.shape} was given", "shape (K,)")
         first, last = sorted((float(self.times[0]), float(self.times[-1])))
         if ((times < first) | (times > last)).any() or np.isnan(times).any():
             given = f"{times.min():g} to {times.max():g} s was given"
@@ -233,8 +236,8 @@ class Motion:
         Raises:
             InputError: If a time lies outside the motion.
         """
-        times = np.atleast_1d(np.asarray(times, dtype=float))
         _, attitudes, joints = self.evaluate(self.coordinates_at(times))
+        times = np.atleast_1d(np.asarray(times, dtype=float))
         positions = self.model.base_position(attitudes, joints)
         states = zip(times.tolist(), attitudes, joints, positions, strict=True)
         return tuple(State(t, *map(frozen, vectors)) for t, *vectors in states)

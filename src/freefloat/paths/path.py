@@ -73,12 +73,16 @@ class EndEffectorPath:
         """Raise an InputError where curve or orientation contradict their derivatives."""
         for s in _CHECKED:
             difference, tangent = self._difference(s), self.tangent(s)
-            for key, part in (("curve", slice(3)), ("orientation", slice(3, 6))):
-                stated, moved = tangent[part], difference[part]
+            bend = (self.curve(s + _STEP, 1) - self.curve(s - _STEP, 1)) / (2.0 * _STEP)
+            for key, name, stated, moved in (
+                ("curve", "derivative", tangent[:3], difference[:3]),
+                ("curve", "second derivative", self.curve(s, 2), bend),
+                ("orientation", "derivative", tangent[3:], difference[3:]),
+            ):
                 size, length, error = np.linalg.norm([stated, moved, stated - moved], axis=1)
                 if size < _FASTEST and error > _DEVIATION * max(size, length, _SMALL):
                     values = ", ".join(f"{value:.4g}" for value in stated)
-                    problem = f"its derivative at s = {s} is stated as {values}"
+                    problem = f"its {name} at s = {s} is stated as {values}"
                     accepted = ", ".join(f"{value:.4g}" for value in moved)
                     raise InputError(key, problem, f"{accepted}, the difference of its values")
 

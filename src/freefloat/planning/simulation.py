@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 import numpy.typing as npt
 
 from freefloat.ensemble.compiled_motions import precise_motion
-from freefloat.errors import InputError
+from freefloat.errors import InputError, whole_number
 from freefloat.ik.branches import ArmBranch
 from freefloat.limits.check import Contact, LimitChecker, deepest_contact
 from freefloat.limits.limits import Limits, limits_for
@@ -169,7 +169,7 @@ def _branches(
     if branch is None:
         return branches, None
     numbered = {start.index: start for start in branches}
-    if branch not in numbered:
+    if whole_number("branch", branch, 0) not in numbered:
         numbers = ", ".join(map(str, numbered))
         raise InputError("branch", f"there is no branch {branch} here", numbers)
     return branches, numbered[branch]

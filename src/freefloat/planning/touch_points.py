@@ -18,7 +18,7 @@ from contourpy import contour_generator
 from freefloat.attitude_grids import low_discrepancy
 from freefloat.dynamics.tasks import Task
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
-from freefloat.errors import InputError
+from freefloat.errors import InputError, finite_number
 from freefloat.motion.extrema import closest_approach
 from freefloat.motion.motion import State
 from freefloat.motion.problem import Problem, require_problem
@@ -86,28 +86,31 @@ def touch_points(
     """
     require_problem(problem)
     levels = _levels(problem, level)
-    given = [name for name, angle in (("q1", q1), ("q2", q2), ("roll", roll)) if angle is not None]
+    given = {"q1": q1, "q2": q2, "roll": roll}
+    angles = {k: finite_number(k, v, "an angle [rad]") for k, v in given.items() if v is not None}
     if problem.task.planar:
-        if given or not has_two_angle_form(problem.model, problem.task):
-            key = given[0] if given else "robot"
+        if angles or not has_two_angle_form(problem.model, problem.task):
+            key = next(iter(angles), "robot")
             accepted = "no angles; a planar arm of two joints, or of three with an orientation"
             raise InputError(key, "the touch points of a planar arm are finitely many", accepted)
         points = planar_touch_points(problem, abs(levels[0]), (0.0, problem.path.duration))
         return tuple(point for point in points if point.level in levels)
     require_touch_point_arm(problem)
     if q1 is not None and q2 is not None and roll is None:
-        return tangent_points(problem, float(q1), float(q2), levels)
+        return tangent_points(problem, angles["q1"], angles["q2"], levels)
     if q1 is not None and roll is not None and q2 is None:
-        return end_points(problem, float(q1), float(roll), levels)
-    raise InputError("q1", f"{' and '.join(given) or 'nothing'} given", "q1 and q2, or q1 and roll")
+        return end_points(problem, angles["q1"], angles["roll"], levels)
+    raise InputError(
+        "q1", f"{' and '.join(angles) or 'nothing'} given", "q1 and q2, or q1 and roll"
+    )
 
 
 def _levels(problem: Problem, level: float | None) -> tuple[float, ...]:
     """Signed values of S0."""
-    value = problem.margin.threshold if level is None else level
-    if not np.isfinite(value) or value == 0.0:
-        key = "margin.value" if level is None else "level"
-        raise InputError(key, f"{value} was given", "a value of S other than zero")
+    key, accepted = "margin.value" if level is None else "level", "a value of S other than zero"
+    value = finite_number(key, problem.margin.threshold if level is None else level, accepted)
+    if value == 0.0:
+        raise InputError(key, f"{value} was given", accepted)
     return (value, -value) if level is None else (value,)
 
 

@@ -16,7 +16,7 @@ import numpy as np
 import scipy
 
 from freefloat.dynamics.tasks import Task
-from freefloat.errors import InputError
+from freefloat.errors import InputError, finite_number
 from freefloat.motion.problem import Problem, require_problem
 from freefloat.motion.setting import Setting
 from freefloat.regions.planar_regions import (
@@ -174,6 +174,7 @@ def margin_curves(problem: Problem, *levels: float) -> tuple[MarginCurve, ...]:
         if margin.measure.name != name:
             raise InputError("levels", f"the margin is one of {margin.measure.name}", "values of S")
         levels = tuple(dict.fromkeys((0.0, margin.threshold, -margin.threshold)))
+    levels = tuple(finite_number("levels", level, "values of S") for level in levels)
     return level_curves(arm, *levels)
 
 

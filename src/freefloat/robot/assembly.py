@@ -129,7 +129,7 @@ def scaled(robot: RobotDescription, scale_mass: float | Mapping[str, float]) -> 
             "link[@name=$name]/inertial/mass/@value | link[@name=$name]/inertial/inertia/@*",
             name=name,
         ):
-            moment.getparent().set(moment.attrname, repr(float(moment) * factor))
+            moment.getparent().set(moment.attrname, repr(float(moment) * float(factor)))
     return replace(revised(robot, root), altered=True)
 
 
@@ -158,7 +158,7 @@ def _attach(robot: Element, attachment: Attachment, root: str, source: str) -> R
     """Add the links and joints of another URDF and fix its root to a link; that URDF."""
     link, prefix = attachment.link, attachment.prefix
     carrier = root if link is None else _link(decode(robot, source), "link", link)
-    part = read_urdf(attachment.urdf)
+    part = read_urdf(RobotSource.of(attachment.urdf).found())
     other = etree.fromstring(part.text)
     foot = prefix + part.roots[0]
     for element in other.iter(*_NAMED):

@@ -8,7 +8,7 @@ from math import isfinite
 import numpy as np
 import numpy.typing as npt
 
-from freefloat.errors import InputError, finite_vector
+from freefloat.errors import InputError, finite_vector, number_array
 from freefloat.so3 import UPRIGHT, Array, frozen, unit_quaternion
 
 _ORIGIN = np.zeros(3)
@@ -43,9 +43,10 @@ def configurations(joints: npt.ArrayLike, n: int) -> Array:
     Raises:
         InputError: If the shape is another one, or a value is not finite.
     """
-    q = np.atleast_2d(np.asarray(joints, dtype=float))
+    accepted = f"finite, shape (K, {n})"
+    q = np.atleast_2d(number_array("joints", joints, accepted))
     if q.ndim != 2 or q.shape[1] != n or not np.isfinite(q).all():
-        raise InputError("joints", f"shape {np.shape(joints)} was given", f"finite, shape (K, {n})")
+        raise InputError("joints", f"shape {q.shape} was given", accepted)
     return q
 
 

@@ -12,10 +12,9 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from freefloat.errors import InputError, ModelError, member, require_type
+from freefloat.errors import InputError, finite_number, member, require_type
 from freefloat.robot.assembly import assemble, end_effector_link, scaled
 from freefloat.robot.base import Base
-from freefloat.robot.named_files import find_robot
 from freefloat.robot.parts import Attachment, Payload, Spacecraft
 from freefloat.robot.pinocchio_model import described
 from freefloat.robot.rigid_bodies import moving_joints, require_within_ranges
@@ -82,21 +81,20 @@ class FreeFloatingModel(RigidBodyModel):
             ModelError: If there is no such URDF, it has errors, it has no such end-effector, or no
                 joint moves that.
         """
-        source = RobotSource.of(urdf)
+        source = RobotSource.of(urdf).found()
         require_type("end_effector", end_effector, str | None, "the name of a link")
         require_type("fixed_joints", fixed_joints, Mapping | None, "a map from joint to value")
         require_type("arms", arms, Mapping | None, "a map from the name of an arm to a link")
-        if not source.exists:
-            try:
-                source = replace(source, urdf=find_robot(str(source.urdf), Path()))
-            except InputError as error:
-                raise ModelError(error.key, error.problem, error.accepted) from None
         description = assemble(source, spacecraft, payload, end_effector, attached)
         if np.any(scale_mass != 1.0):
             description = scaled(description, scale_mass)
         if end_effector is None:
             end_effector = end_effector_link(description, None)
         fixed, further = dict(fixed_joints or {}), dict(arms or {})
+        for name, value in fixed.items():
+            fixed[name] = finite_number(f"fixed_joints.{name}", value, "a finite number [rad, m]")
+        for name, link in further.items():
+            require_type(f"arms.{name}", link, str, "the name of a link")
         require_within_ranges(description, fixed)
         base = description.base if base is None else member("base", Base, base)
         return cls(description, end_effector, fixed, further, base=base, gravity=gravity)

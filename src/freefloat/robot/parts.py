@@ -137,7 +137,7 @@ class Attachment:
     """Another URDF, fixed to a link: a tool, a second arm, an antenna.
 
     Attributes:
-        urdf: A file, XML text or a source.
+        urdf: A file, XML text, a source, or the name of a robot.
         link: The link, or the joint that moves it, that carries its root link; None for the
             spacecraft.
         mount: Pose of its root link; also as a ``pin.SE3``.

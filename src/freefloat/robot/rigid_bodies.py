@@ -88,17 +88,14 @@ def moving_joints(
         key: Named in errors of the link.
 
     Raises:
-        ModelError: If no joint or too many joints move the link, there is no moving joint of a
-            name, or a value is not finite.
+        ModelError: If no joint or too many joints move the link, or there is no moving joint of a
+            name.
     """
     names = [joint.name for joint in robot.joints if joint.moving]
-    for name, value in fixed_joints.items():
+    for name in fixed_joints:
         if name not in names:
             problem = f"the robot has no such joint{did_you_mean(name, names)}"
             raise ModelError(f"fixed_joints.{name}", problem, ", ".join(names))
-        if not np.isfinite(value):
-            problem, accepted = f"{value} was given", "a finite number [rad, m]"
-            raise ModelError(f"fixed_joints.{name}", problem, accepted)
     chain: list[Joint] = []
     below = link
     while below in robot.parent_joints:

@@ -12,7 +12,7 @@ import numpy.typing as npt
 import pinocchio as pin
 
 from freefloat.attitude_grids import low_discrepancy
-from freefloat.errors import InputError, ModelError, finite_vector, member
+from freefloat.errors import InputError, ModelError, axes_of, finite_vector, member, number_array
 from freefloat.robot.assembly import end_effector_link
 from freefloat.robot.base import Base, require_gravity
 from freefloat.robot.description import Joint, RobotDescription, UrdfDiagnostic
@@ -227,7 +227,7 @@ class RigidBodyModel:
             InputError: If the attitude is no unit quaternion, the joints are not as many finite
                 numbers as move, or there are not as many of both.
         """
-        if 2 in (np.ndim(attitude), np.ndim(joints)):
+        if 2 in (axes_of(attitude), axes_of(joints)):
             attitudes, rows = np.atleast_2d(attitude), np.atleast_2d(joints)
             count = max(len(attitudes), len(rows))
             if {len(attitudes), len(rows)} - {1, count}:
@@ -277,14 +277,16 @@ class RigidBodyModel:
         Raises:
             InputError: Naming ``key``, if a joint is missing or unknown, or a value is not finite.
         """
-        count = len(joints) if isinstance(joints, Mapping) else np.size(joints)
-        names = self.joint_names[: self.arm_dof if count == self.arm_dof else None]
+        values: Any = joints
+        if not isinstance(joints, Mapping):
+            accepted = f"a number for each of {', '.join(self.joint_names)}"
+            values = np.atleast_1d(number_array(key, joints, accepted))
+        names = self.joint_names[: self.arm_dof if len(values) == self.arm_dof else None]
         if isinstance(joints, Mapping):
             if set(joints) != set(names):
                 problem = f"values of {', '.join(map(str, joints)) or 'no joint'} were given"
                 raise InputError(key, problem, f"values of {', '.join(names)}")
-            joints = [joints[name] for name in names]
-        values: Any = [joints] if np.isscalar(joints) else joints
+            values = [joints[name] for name in names]
         return finite_vector(key, values, len(names))
 
     def joint_distance(self, first: npt.ArrayLike, second: npt.ArrayLike) -> Array:

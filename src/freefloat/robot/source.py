@@ -6,14 +6,14 @@ import os
 import re
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from numbers import Real
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
 from freefloat.errors import InputError, ModelError, one_line, require_extra, require_type
 from freefloat.kinds import READERS
-from freefloat.robot.named_files import examples_folder, is_file, read_text
+from freefloat.robot.named_files import examples_folder, find_robot, is_file, read_text
 from freefloat.robot.reader_process import UrdfText, run_reader
 
 URDF_TEXT = "URDF text"
@@ -84,10 +84,14 @@ class RobotSource:
         """Whether the source is XML text and not the name of a file."""
         return isinstance(self.urdf, str) and self.urdf.lstrip("\ufeff \t\r\n").startswith("<")
 
-    @property
-    def exists(self) -> bool:
-        """Whether the source is text or a file, and no name."""
-        return self.is_text or is_file(Path(self.urdf))
+    def found(self) -> RobotSource:
+        """The source, with the file of a robot in place of its name; a ModelError without one."""
+        if self.is_text or is_file(Path(self.urdf)):
+            return self
+        try:
+            return replace(self, urdf=find_robot(str(self.urdf), Path()))
+        except InputError as error:
+            raise ModelError(error.key, error.problem, error.accepted) from None
 
     @property
     def name(self) -> str:

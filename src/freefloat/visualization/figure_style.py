@@ -19,7 +19,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.rcsetup import cycler
 
-from freefloat.io.files import make_folder, written_beside
+from freefloat.io.files import make_folder, require_replaceable, written_beside
 from freefloat.so3 import Array
 
 COLUMN, PAGE = 3.5, 7.16
@@ -198,6 +198,7 @@ def save_figures(
         layout = figure.get_layout_engine()
         for kind in kinds:
             file = Path(folder) / f"{name}.{kind}"
+            require_replaceable("plots", file, kind)
             with written_beside(file) as temporary:
                 figure.savefig(temporary, format=kind, dpi=dots)
             figure.set_layout_engine("none")  # it is laid out

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, fields
 from math import ceil
+from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -163,11 +164,11 @@ def track(
         >>> tracking.survived
         True
     """
-    (tracking,) = track_many(
-        result, mass_error=mass_error, noise=noise, friction=friction, seed=seed, gain=gain,
-        period=period, tolerance=tolerance, threads=1,
-    )  # fmt: skip
-    return tracking
+    given = {"mass_error": mass_error, "noise": noise, "friction": friction, "seed": seed,
+             "gain": gain, "tolerance": tolerance}  # fmt: skip
+    for key, value in given.items():
+        require_type(key, value, Real, "a number")
+    return track_many(result, **given, period=period, threads=1)[0]
 
 
 def track_many(

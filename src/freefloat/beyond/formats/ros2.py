@@ -11,6 +11,7 @@ import yaml
 
 from freefloat.errors import InputError
 from freefloat.io.trajectory import Trajectory
+from freefloat.motion.motion import Ending
 from freefloat.rotations import Rotation
 from freefloat.so3 import Array
 
@@ -82,7 +83,7 @@ def ros2_goal_text(trajectory: Trajectory) -> str:
 
 def _joint_trajectory(trajectory: Trajectory, name: str) -> dict[str, Any]:
     motion = trajectory.motion
-    if not motion.completed:
+    if motion.ending is not Ending.COMPLETED:
         accepted = f"for {name} a motion that follows its whole path; csv, mat or json"
         raise InputError("format", f"{name} was given, but: {motion.ending.value}", accepted)
     since = [round(float(t) * _NANO) for t in trajectory.times - trajectory.times[0]]

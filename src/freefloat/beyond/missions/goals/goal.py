@@ -9,7 +9,7 @@ import numpy as np
 
 from freefloat.beyond.missions.goals.target import Target
 from freefloat.dynamics.summary import frames_at
-from freefloat.errors import InputError, finite_vector, require_type
+from freefloat.errors import InputError, finite_vector, number_array, require_type
 from freefloat.motion.setting import Setting
 from freefloat.paths.timing import positive_duration
 from freefloat.records import Joints, Quaternions
@@ -65,9 +65,9 @@ class Goal:
         if self.joints is None and self.joint_rates is not None:
             raise InputError("goal.joint_rates", "they were given", "joints, too")
         for name in ("joints", "joint_rates"):
-            values = getattr(self, name)
+            values, joints = vars(self)[name], vars(self)["joints"]
             if values is not None:
-                size = np.size(values if self.joints is None else self.joints)
+                size = number_array("goal.joints", joints, "finite numbers").size
                 values = frozen(finite_vector(f"goal.{name}", values, size))
                 object.__setattr__(self, name, values)
         if self.duration is not None:
