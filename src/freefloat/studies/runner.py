@@ -20,7 +20,7 @@ from freefloat.statistics import confidence_interval
 from freefloat.studies.columns import NUMBER, VERDICTS, Column, Columns
 from freefloat.studies.database import StudyDatabase, open_results
 from freefloat.studies.disturbances import group_numbers
-from freefloat.studies.folder import DATABASE
+from freefloat.studies.folder import DATABASE, REPORT
 from freefloat.studies.results import StudyResult
 from freefloat.studies.rows import StudyRows, save_tables
 from freefloat.studies.study import UNDISTURBED, Study
@@ -66,7 +66,8 @@ def run_study(
         scheduler: Address of a Dask scheduler whose workers are used instead, ``tls://...``.
         until: Stop when the 95 % confidence interval of the feasible fraction is that narrow, of
             the runs before the first one that is missing; for studies of random values alone.
-        report: Whether to write ``report.html`` and the figure ``summary``.
+        report: Whether to write ``report.html`` and the figure ``summary``; they are written again
+            where they exist.
         progress: Called with the fraction of finished runs, in [0, 1].
         stages: In its place, begins each step, which has a name, with a progress of its own.
 
@@ -111,7 +112,7 @@ def run_study(
         result = StudyResult(study, database.rows, folder, tally.done - before)
         paths = {"database": folder / DATABASE, **tables, **dict.fromkeys(_REPORT_FILES)}
         result = replace(result, files=paths, seconds=time.perf_counter() - begin)
-        if report:
+        if report or (folder / REPORT).exists():
             from freefloat.studies.report import save_report  # imports slowly
 
             with step("report") as done:
