@@ -48,6 +48,14 @@ def test_a_singular_motion_has_place_and_time() -> None:
     assert f"singular at t = {singular['time']:.4f} s, s = {singular['s']:.4f}" in text
 
 
+def test_an_attitude_that_a_position_task_does_not_use_is_named(folder: Path) -> None:
+    position = PARABOLA.replace("task: planar-pose", "task: planar-position")
+    assert position != PARABOLA
+    (folder / "position.yaml").write_text(position)
+    for name, said in (("position.yaml", True), ("mine.yaml", False)):
+        assert ("path.attitude" in run("simulate", name, "--heading", "200").stdout) is said
+
+
 def test_the_distance_of_the_path_from_the_present_pose_is_printed() -> None:
     """Nothing is said where the path begins there."""
     problem = ff.load_scenario("planar_2dof/line").problem()

@@ -58,16 +58,21 @@ def attitude_text(attitude: Array) -> str:
 
 
 def present_lines(problem: Problem, attitude: Array | None, joints: Any) -> Iterator[str]:
-    """How far a path begins from the present pose of the end-effector, unless there.
+    """What a task does not use of its path, and how far this begins from the present pose.
 
     Args:
         problem: The problem of the path.
         attitude: Present attitude, shape (4,); None where it is not known.
         joints: Present joints, by name or shape (n,), likewise.
     """
+    from freefloat.motion.residuals import start_offset
+    from freefloat.paths.orientation import FreeOrientation
+
+    given = not isinstance(problem.path.stated[0].orientation, FreeOrientation)
+    if given and not problem.task.prescribes_orientation:
+        yield f"Not used: path.attitude; task {problem.task} prescribes no orientation."
     if attitude is None or joints is None:
         return
-    from freefloat.motion.residuals import start_offset
 
     distance, angle = start_offset(problem, attitude, joints)
     if max(distance, angle) > _AT_START:
