@@ -23,9 +23,9 @@ GOALS = {
 }  # fmt: skip
 """Lines of the folders of ``src/freefloat``."""
 RECORDS = {
-    MODULES: 1_580, "robot": 4_560, "paths": 1_840, "dynamics": 2_900, "ik": 1_980,
+    MODULES: 1_580, "robot": 4_560, "paths": 1_850, "dynamics": 2_900, "ik": 1_980,
     "motion": 2_790, "certificate": 690, "limits": 2_510, "ensemble": 2_480, "regions": 830,
-    "planning": 8_360, "verification": 1_480, "io": 3_720, "visualization": 4_610,
+    "planning": 8_350, "verification": 1_480, "io": 3_730, "visualization": 4_610,
     "studies": 4_790, "cli": 3_090,
 }  # fmt: skip
 """Lines of folders that are larger than their goals permit."""

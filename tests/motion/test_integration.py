@@ -8,6 +8,7 @@ import pytest
 import freefloat as ff
 from freefloat.motion.motion import Ending
 from freefloat.so3 import UPRIGHT, heading_of
+from freefloat.visualization.scenes.overlays import draw_ending
 from tests.differences import assert_close
 from tests.errors import error_key
 from tests.motions import BAD, GOOD, from_here, heading, on_side, seven, simulated, tracking
@@ -58,6 +59,7 @@ def test_a_motion_may_begin_and_end_anywhere_on_its_way(spatial, tmp_path):
     assert first.final.time == 37.0
     assert (first.completed, first.ending) == (True, Ending.PART)
     assert error_key(ff.export, first, tmp_path / "part.yaml") == "format"
+    assert draw_ending(None, "", first) == []  # no failure is marked
     second = ff.integrate_motion(spatial, first.final.attitude, first.final.joints, start=37.0)
     assert_close(second.final.joints, whole.final.joints, atol=1e-7)
     back = ff.integrate_motion(

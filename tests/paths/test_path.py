@@ -99,6 +99,9 @@ def test_a_curve_whose_second_derivative_is_not_that_of_its_values_is_refused() 
             return super().__call__(s, order) * (order < 2)
 
     assert error_key(ff.EndEffectorPath, Straightened(np.eye(3))) == "curve"
+    s = np.linspace(0.0, 1.0, 10_001)
+    rounded = np.round(np.stack([np.cos(s), np.sin(s), s], axis=1), 7)
+    ff.EndEffectorPath(SplineCurve(rounded, s))  # its third derivative is large, and jumps
 
 
 AXES = Rotation.from_rotvec([0.3, -0.8, 0.5]).as_matrix()

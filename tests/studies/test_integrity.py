@@ -17,7 +17,7 @@ from freefloat.errors import InputError
 from freefloat.studies.database import open_results
 from freefloat.studies.study import Study
 from freefloat.studies.workers import study_files
-from tests.commands import error
+from tests.commands import document, error
 from tests.errors import error_key
 from tests.example_studies import SHORT, a_study, finished, write_study
 
@@ -192,6 +192,14 @@ def test_files_that_are_not_those_of_a_study_are_kept(name: str, tmp_path: Path)
     precious.write_text("x,y,z\n1,0,0\n")
     assert error("batch", file, "-o", tmp_path / "out")["key"] == "output"
     assert precious.read_text() == "x,y,z\n1,0,0\n"
+
+
+def test_other_files_beside_those_of_a_study_do_not_stop_it(tmp_path: Path) -> None:
+    file, out = write_study(tmp_path, VARY, base=SHORT, cases=3), tmp_path / "out"
+    document("batch", file, "-o", out)
+    (out / "cases" / "00001.html").write_text("a page")
+    (out / "cases" / "00002.h5").write_bytes(bytes(100))
+    assert document("batch", file, "-o", out)["reused"] == 3
 
 
 def test_a_damaged_lock_is_named(tmp_path: Path) -> None:

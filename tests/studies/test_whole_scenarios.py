@@ -206,7 +206,8 @@ def test_some_limits_are_checked_on_recorded_motions(
 
 
 def test_the_worst_of_several_recorded_limits_is_the_one_that_limits(tmp_path: Path) -> None:
-    limits = {"joint_acceleration": 0.0127, "joint_jerk": 0.003, "joint_torque": 0.012}
+    limits = {"joint_acceleration": 0.0127, "joint_jerk": 0.003, "joint_torque": 0.012,
+              "clearance": 0.05}  # fmt: skip
     study = a_spatial_study(tmp_path, VARY, base=BASE | {"limits": limits}, cases=16)
     rows, pairs = rows_and_simulations(study, tmp_path / "out", 4)
     assert any("joint_jerk" in row["limiting"] for row in rows)

@@ -28,12 +28,14 @@ _MARKS = {
     RESULT: b"freefloat sha-256 ", "page": b"<!doctype html", "urdf": b"<robot",
     "csv": b"time [s]", "json": b'{"robot"', "mat": b"matlab", "ros2": b"header:",
     "ros2-goal": b"trajectory:", "aem": b"ccsds_aem", "mcap": b"mcap", "mjcf": b"<mujoco",
-    "png": b"png", "pdf": b"%pdf", "gif": b"gif8", "mp4": b"ftyp", "table of runs": b"case,",
-    "parquet": b"par1",
+    "png": b"png", "pdf": b"%pdf", "svg": b"<?xml", "gif": b"gif8", "mp4": b"ftyp",
+    "table of runs": b"case,", "parquet": b"par1",
 }  # fmt: skip
 """Bytes near the beginning of files of each kind, in lower case."""
-_BEGINNING = 1024
-"""Bytes at the beginning of a file; a URDF may begin with a comment."""
+_COMMENTED = ("urdf", "mjcf")
+"""Kinds of files that may begin with a comment."""
+_BEGINNING, _NEAR = 1024, 4
+"""Bytes at the beginning of a file, and how far from it a mark may be."""
 _FOLDER = "a writable folder, or the name of one in an existing, writable folder"
 
 
@@ -90,12 +92,13 @@ def require_writable(key: str, path: Path) -> None:
 
 def require_replaceable(key: str, file: Path, kind: str) -> None:
     """Raise an InputError if a file would replace one of another kind, such as a scenario."""
-    if not file.exists():
+    if not file.is_file():
         return
     with file.open("rb") as content:
         begin = content.read(_BEGINNING).lower()
-    if begin and (kind not in _MARKS or _MARKS[kind] not in begin):
-        problem = f"{file} exists and is no {kind}: it is not replaced"
+    place = begin.find(_MARKS[kind]) if kind in _MARKS else -1
+    if begin and not 0 <= place <= (_BEGINNING if kind in _COMMENTED else _NEAR):
+        problem = f"{file} exists and is no {kind} of freefloat: it is not replaced"
         raise InputError(key, problem, "another name")
 
 

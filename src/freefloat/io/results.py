@@ -96,6 +96,8 @@ def _origin(model: FreeFloatingModel, scenario: Scenario | None) -> dict[str, An
     }
     if scenario is None:
         return robot
+    if scenario.start_joints is not None:
+        robot["start_joints"] = json.dumps(scenario.start_joints.tolist())
     return robot | {
         "scenario": scenario.text,
         "scenario_file": str(scenario.source),
@@ -213,6 +215,8 @@ def _read_scenario(tree: Tree, model: FreeFloatingModel) -> Scenario:
     shapes, source = parse_shapes(_text(tree, "scene")), Path(_text(tree, "scenario_file"))
     samples = {str(name): str(text) for name, text in json.loads(_text(tree, "samples")).items()}
     scenario = parse_scenario(_text(tree, "scenario"), source, samples, model, shapes)
+    if "start_joints" in tree:
+        scenario = replace(scenario, start_joints=np.array(json.loads(_text(tree, "start_joints"))))
     robot = scenario.content.robot
     stated = robot.path_link, robot.held, robot.moving_arms, [*robot.own_paths], robot.gravity
     held, arms = dict(model.fixed_joints), model.further_arms

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import filecmp
 import io
 import os
 import shutil
@@ -163,11 +162,10 @@ def _copy(files: list[Path], folder: Path) -> dict[Path, str]:
             names[file] = name
             for original in (file, *file.parent.glob(f"{file.stem}.mtl")):
                 target = folder / (name if original == file else original.name)
-                if not os.path.lexists(target):
+                if target.is_symlink() or (target.exists() and not target.is_file()):
+                    raise InputError("output", f"{target} is no regular file", "another name")
+                if not (target.exists() and os.path.samefile(original, target)):
                     shutil.copyfile(original, target)
-                elif not (target.is_file() and filecmp.cmp(original, target, shallow=False)):
-                    problem = f"{target} exists and is another file: it is not replaced"
-                    raise InputError("output", problem, "another name")
     except OSError as error:
         accepted = "an existing, writable folder with enough space"
         raise InputError("output", f"{folder}: {error.strerror}", accepted) from None

@@ -140,18 +140,13 @@ class RecordedLimits:
         return values, resolved
 
     def _note(self, recorded: RecordedMotions, k: int, values: LimitValues) -> None:
-        """Write the limits along motion k, up to one that is undecided.
-
-        Clearances, which take by far the longest, are left out where another limit is violated.
-        """
+        """Write the limits along motion k."""
         problem, stretch = self.problem, recorded.disturbed.stretches[k]
         if problem.scene.bodies or any(limit.exponent for limit in self.along):
             problem = recorded.disturbed.problem_of(k)
         states = recorded.times, recorded.attitudes[k], recorded.joints[k]
         motion = Motion(PathLaw(problem), Ending.COMPLETED, *states)
         for column, limit in enumerate(self.along, len(self.names) - len(self.along)):
-            if isinstance(limit, ClearanceLimit) and (values.ratios[k] > 1.0).any():
-                break
             result, scale = limit.worst(motion), stretch**-limit.exponent
             values.ratios[k, column] = result.ratio * scale
             values.times[k, column] = result.time * stretch
@@ -159,8 +154,6 @@ class RecordedLimits:
             worst = (result.worst if result.at_least else abs(result.worst)) * scale
             error = max(limit.accuracy, _UNDECIDED * abs(result.allowed))
             values.certain[k, column] = abs(worst - result.allowed) > error
-            if not values.certain[k, column]:
-                break
 
 
 class LargestTorques(NamedTuple):

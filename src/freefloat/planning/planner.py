@@ -61,7 +61,6 @@ def plan(
     search = Search() if search is None else search
     require_type("search", search, Search, "a Search, such as Search(samples=1024)")
     limits = limits_for(problem, limits)
-    search = search.near_start(problem)
     problem = search.applied_to(problem)
     planned = partial(
         plan_path, search=search, tolerances=tolerances, threads=threads, progress=progress

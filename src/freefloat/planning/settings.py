@@ -207,10 +207,6 @@ class Search:
         require_radians(model, joints)
         return attitude, joints
 
-    def near_start(self, problem: Problem) -> Search:
-        """The search; one without joints has the joints that a problem's arm starts near."""
-        return self if self.joints is not None else replace(self, joints=problem.start_joints)
-
     def applied_to(self, problem: Problem) -> Problem:
         """The problem, with :attr:`joints` as the joints that the arm starts near.
 

@@ -91,8 +91,9 @@ class FreeFloatingModel(RigidBodyModel):
         if end_effector is None:
             end_effector = end_effector_link(description, None)
         fixed, further = dict(fixed_joints or {}), dict(arms or {})
-        for name, value in fixed.items():
-            fixed[name] = finite_number(f"fixed_joints.{name}", value, "a finite number [rad, m]")
+        for name in fixed.keys() & {joint.name for joint in description.joints}:
+            key = f"fixed_joints.{name}"
+            fixed[name] = finite_number(key, fixed[name], "a finite number [rad, m]")
         for name, link in further.items():
             require_type(f"arms.{name}", link, str, "the name of a link")
         require_within_ranges(description, fixed)

@@ -228,7 +228,8 @@ class RigidBodyModel:
                 numbers as move, or there are not as many of both.
         """
         if 2 in (axes_of(attitude), axes_of(joints)):
-            attitudes, rows = np.atleast_2d(attitude), np.atleast_2d(joints)
+            attitudes = np.atleast_2d(number_array("attitude", attitude, "quaternions x, y, z, w"))
+            rows = np.atleast_2d(number_array("joints", joints, "numbers, shape (K, n)"))
             count = max(len(attitudes), len(rows))
             if {len(attitudes), len(rows)} - {1, count}:
                 accepted = f"shape ({len(attitudes)}, {self.dof}), joints for each attitude"

@@ -43,14 +43,15 @@ def prepare_folder(folder: Path) -> None:
             # opening a named pipe would wait for ever; SQLite deletes files of its own meanwhile
             if not usable and os.path.lexists(path):
                 raise InputError("output", f"{path} is not a regular file", "another folder")
-        for name, kind in _KINDS.items():
-            require_replaceable("output", folder / name, kind)
+        if not (folder / DATABASE).exists():  # it is no folder of a study so far
+            kinds = {folder / name: kind for name, kind in _KINDS.items()}
+            for path, kind in (kinds | dict.fromkeys(cases.glob("*.h5"), RESULT)).items():
+                require_replaceable("output", path, kind)
         if cases.is_dir():
             with os.scandir(cases) as files:
                 for file in files:
                     if file.is_symlink():
                         raise InputError("output", f"{file.path} is a link", _NO_LINK)
-                    require_replaceable("output", Path(file.path), RESULT)
 
 
 @contextmanager

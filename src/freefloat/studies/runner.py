@@ -67,7 +67,7 @@ def run_study(
         until: Stop when the 95 % confidence interval of the feasible fraction is that narrow, of
             the runs before the first one that is missing; for studies of random values alone.
         report: Whether to write ``report.html`` and the figure ``summary``; they are written again
-            where they exist.
+            where they exist and runs were computed.
         progress: Called with the fraction of finished runs, in [0, 1].
         stages: In its place, begins each step, which has a name, with a progress of its own.
 
@@ -112,7 +112,7 @@ def run_study(
         result = StudyResult(study, database.rows, folder, tally.done - before)
         paths = {"database": folder / DATABASE, **tables, **dict.fromkeys(_REPORT_FILES)}
         result = replace(result, files=paths, seconds=time.perf_counter() - begin)
-        if report or (folder / REPORT).exists():
+        if report or (result.computed and (folder / REPORT).exists()):
             from freefloat.studies.report import save_report  # imports slowly
 
             with step("report") as done:

@@ -37,7 +37,7 @@ from freefloat.studies.variation import Variation, margin_value, scenario_from, 
 CLEARANCE = "limits.clearance"
 UNDISTURBED = -1
 """In place of the number of a run: the base scenario as it is, with the start of the runs."""
-_CONTACT_UNCHECKED = "contact is not considered: limits: {clearance: 0} in the base scenario does"
+_CONTACT_UNCHECKED = "contact is not considered unless the base scenario states limits.clearance: 0"
 
 
 @dataclass(frozen=True, eq=False)

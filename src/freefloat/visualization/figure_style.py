@@ -10,7 +10,7 @@ import io
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import wraps
-from itertools import cycle
+from itertools import cycle, product
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
 
@@ -19,7 +19,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.rcsetup import cycler
 
-from freefloat.io.files import make_folder, require_replaceable, written_beside
+from freefloat.io.files import make_folder, require_replaceable, require_writable, written_beside
 from freefloat.so3 import Array
 
 COLUMN, PAGE = 3.5, 7.16
@@ -190,15 +190,18 @@ def save_figures(
         dots: Resolution of images [dots per inch].
 
     Raises:
-        InputError: If the folder cannot be created or written to.
+        InputError: If the folder cannot be created or written to, or a file of another kind has
+            the name of a figure.
     """
     make_folder("plots", Path(folder))
+    for name, kind in product(figures, kinds):
+        require_writable("plots", Path(folder) / f"{name}.{kind}")
+        require_replaceable("plots", Path(folder) / f"{name}.{kind}", kind)
     files = []
     for name, figure in figures.items():
         layout = figure.get_layout_engine()
         for kind in kinds:
             file = Path(folder) / f"{name}.{kind}"
-            require_replaceable("plots", file, kind)
             with written_beside(file) as temporary:
                 figure.savefig(temporary, format=kind, dpi=dots)
             figure.set_layout_engine("none")  # it is laid out

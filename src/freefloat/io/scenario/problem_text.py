@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -71,7 +72,8 @@ def scenario_of(
             content["redundancy"] |= {"gain": None, "bound": None}
     arms = arms_content(problem, sections_of_arms(problem.path))
     content |= sections or {}
-    return written_scenario(problem, limits, content, arms, {**points, **(samples or {})})
+    written = written_scenario(problem, limits, content, arms, {**points, **(samples or {})})
+    return replace(written, start_joints=problem.start_joints)
 
 
 def written_scenario(

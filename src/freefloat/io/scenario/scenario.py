@@ -37,7 +37,7 @@ from freefloat.robot.model import FreeFloatingModel
 from freefloat.scene.scene import Scene
 from freefloat.scene.scene_body import SceneBody
 from freefloat.singularities.global_maximum import largest_magnitude
-from freefloat.so3 import Pose
+from freefloat.so3 import Array, Pose
 
 if TYPE_CHECKING:  # compiled kernels are slow to import
     from freefloat.planning.margin_map import HeadingMap
@@ -56,6 +56,7 @@ class Scenario:
         samples: Texts of the CSV files of its paths, by the names that it gives them.
         robot: The robot, if it does not come from the files that the scenario names.
         shapes: Shapes of bodies of the scene, by name, likewise.
+        start_joints: Joints that the arm starts near, of a problem that says so; shape (n,).
     """
 
     source: Path
@@ -64,6 +65,7 @@ class Scenario:
     samples: Mapping[str, str] = field(default_factory=dict, repr=False)
     robot: FreeFloatingModel | None = field(default=None, repr=False)
     shapes: FileShapes = field(default_factory=dict, repr=False)
+    start_joints: Array | None = field(default=None, repr=False)
 
     def model(self) -> FreeFloatingModel:
         """The robot."""
@@ -106,8 +108,9 @@ class Scenario:
                 timed = PathStack.of(timed, further)
             momentum, margin = np.array(content.momentum), Margin(measure, value)
             return Problem(
-                model, timed, content.task, momentum, margin, redundancy, scene=scene,
-                wheel_momentum=np.array(content.wheels.momentum), arms=arms, limits=limits,
+                model, timed, content.task, momentum, margin, redundancy, self.start_joints,
+                wheel_momentum=np.array(content.wheels.momentum), scene=scene, arms=arms,
+                limits=limits,
             )  # fmt: skip
 
     @cached_property

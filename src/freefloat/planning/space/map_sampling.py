@@ -106,7 +106,6 @@ def attitude_map(
     search = Search() if search is None else search
     require_type("search", search, Search, "a Search, such as Search(seed=1)")
     limits = limits_for(problem, limits)
-    search = search.near_start(problem)
     problem = search.applied_to(problem)
     samples = search.samples if samples is None else samples
     for key, count in (("boundary", boundary), ("touch", touch)):

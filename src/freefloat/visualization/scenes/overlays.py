@@ -122,7 +122,7 @@ def draw_axes(builder: SceneBuilder, path: str, length: float, radius: float) ->
 
 def draw_ending(builder: SceneBuilder, root: str, motion: Motion) -> list[Label]:
     """Mark the end of a motion that became singular or fell below the margin."""
-    if motion.ending is Ending.COMPLETED:
+    if motion.completed:
         return []
     final = motion.final
     position = motion.model.end_effector_pose(final.attitude, final.joints).position
