@@ -309,6 +309,43 @@ def test_capsules_stay_capsules(tmp_path: Path) -> None:
     assert (shapes[2].radius, shapes[2].length) == (0.04, pytest.approx(0.5))
 
 
+FOLDED = """<mujoco><worldbody><body name="bus"><freejoint/>
+<geom type="box" size=".5 .5 .5" density="200"/>
+<body name="l1" pos=".5 0 0"><joint name="q1" axis="0 0 1"/>
+<geom type="capsule" fromto="0 0 0 1 0 0" size=".05"/>
+<body name="hand" pos="1 0 0"><joint name="q2" axis="0 0 1"/>
+<geom type="capsule" fromto="0 0 0 1 0 0" size=".05" {shape}/><site name="tip" pos="1 0 0"/>
+</body></body></body></worldbody>{tail}</mujoco>"""
+
+
+@pytest.mark.parametrize(
+    ("shape", "tail", "compared"),
+    [("", "", True), ('contype="0" conaffinity="0"', "", False), ('contype="2"', "", True),
+     ('contype="2" conaffinity="2"', "", False),
+     ("", '<contact><exclude body1="bus" body2="hand"/></contact>', False)],
+)  # fmt: skip
+def test_shapes_that_touch_in_mujoco_are_compared(
+    shape: str, tail: str, compared: bool, tmp_path: Path
+) -> None:
+    """Bits and exclusions of MuJoCo decide, as MuJoCo finds contact between the two bodies."""
+    text = FOLDED.format(shape=shape, tail=tail)
+    (tmp_path / "folded.xml").write_text(text)
+    model = ff.FreeFloatingModel.from_urdf(tmp_path / "folded.xml", "tip")
+    simulation = mujoco.MjModel.from_xml_string(text)
+    data = mujoco.MjData(simulation)
+    data.qpos[-2:] = folded = np.array([0.3, 2.9])
+    mujoco.mj_forward(simulation, data)
+    bodies = [{int(simulation.geom_bodyid[g]) for g in contact.geom} for contact in data.contact]
+    assert ({1, 3} in bodies) is compared
+    stances = folded, folded + np.array([0.0, 0.05])
+    ends = (model.end_effector_pose([0, 0, 0, 1], q).position for q in stances)
+    line, margin = ff.paths.PolynomialCurve.line(*ends), ("gjm", 0.0)
+    problem = ff.Problem(model, path=line, duration=20, margin=margin, task="planar-position")
+    problem = problem.replace(limits=ff.Limits())
+    violation = ff.simulate(problem, heading=0.0, joints=folded).violation
+    assert ("clearance" in violation) is compared
+
+
 HEAD = """
 <option timestep="0.001"
   gravity="0 0 -9.81"/>
@@ -329,7 +366,7 @@ UNUSED = {
     ("joint f", "damping"), ("joint f", "stiffness"), ("joint f", "springref"),
     ("joint f", "frictionloss"), ("joint f", "actuatorfrcrange"), ("body finger", "gravcomp"),
     ("geom shell of body finger", "type"), ("geom egg of body finger", "type"),
-    ("geom box of body bus", "friction"), ("exclude near", ""), ("tendon cable", ""),
+    ("geom box of body bus", "friction"), ("tendon cable", ""),
     ("equality gear", ""), ("actuator motor", ""), ("option", "gravity"), ("option", "timestep"),
     ("body target", ""), ("geom floor of the world", ""),
 }  # fmt: skip

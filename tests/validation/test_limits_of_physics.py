@@ -130,6 +130,8 @@ class JointLoop(Curve):
     def __call__(self, s, order=0):
         if np.ndim(s):
             return np.array([self(each, order) for each in s])
+        if order == 2:
+            return (self(s + 1e-5, 1) - self(s - 1e-5, 1)) / 2e-5
         u = 2.0 * np.pi * self.loops * s
         (q, rate), rotation = self.joints(u), np.exp(1j * self.heading(u))
         if order == 0:

@@ -27,13 +27,16 @@ from freefloat.beyond.formats.mjcf_tree import (
     bodies_in_world,
     body_name,
     body_names,
+    contact_bits,
     joint_name,
     line,
+    pairs_apart,
 )
 from freefloat.errors import ModelError, one_line
 from freefloat.robot.free_base import add_table
 from freefloat.robot.named_files import is_file
 from freefloat.robot.reader_process import MEMORY, UrdfText
+from freefloat.robot.urdf_xml import PAIR
 
 _EFFORT, _VELOCITY = "1e9", "1e9"
 """Limits that MJCF does not have."""
@@ -46,6 +49,7 @@ Array = npt.NDArray[np.float64]
 def read(file: str, root: str | None = None) -> UrdfText:
     """A URDF with the bodies, inertias, joints, sites and simple shapes of one robot of a model.
 
+    Shapes that touch others in MuJoCo are compared for contact, unless two bodies exclude it.
     Frames of links are the frames of their joints. Named sites become links without mass. The free
     joint of the root, meshes, and all other bodies in the world are left out.
 
@@ -77,6 +81,8 @@ def read(file: str, root: str | None = None) -> UrdfText:
     if is_on_table(model, start):
         add_table(robot, body_name(model, start))
     sites = _add_sites(robot, model, anchors)
+    for first, second in pairs_apart(model, bodies):
+        ET.SubElement(robot, PAIR, link1=first, link2=second)
     ET.indent(robot)
     text = ET.tostring(robot, encoding="unicode")
     warnings = (*_warnings(model, start, named=root is not None), *_renamed(sites))
@@ -155,7 +161,7 @@ def _add_inertial(link: ET.Element, model: Any, body: int, anchor: Array) -> Non
 
 
 def _add_shapes(link: ET.Element, model: Any, body: int, anchor: Array) -> None:
-    """Add boxes, spheres, cylinders and capsules."""
+    """Add boxes, spheres, cylinders and capsules, for contact those that touch in MuJoCo, too."""
     first, count = int(model.body_geomadr[body]), int(model.body_geomnum[body])
     for geom in range(first, first + count):
         size = model.geom_size[geom].tolist()
@@ -168,11 +174,13 @@ def _add_shapes(link: ET.Element, model: Any, body: int, anchor: Array) -> None:
                 attributes = {"size": " ".join(repr(2.0 * edge) for edge in size)}
             case _:
                 continue
-        visual = ET.SubElement(link, "visual")
-        _add_origin(visual, model.geom_pos[geom] - anchor, _matrix(model.geom_quat[geom]))
-        ET.SubElement(ET.SubElement(visual, "geometry"), shape, attributes)
-        material = ET.SubElement(visual, "material", name=f"geom_{geom}")
-        ET.SubElement(material, "color", rgba=_text(model.geom_rgba[geom]))
+        for kind in ("visual", "collision") if any(contact_bits(model, geom)) else ("visual",):
+            element = ET.SubElement(link, kind)
+            _add_origin(element, model.geom_pos[geom] - anchor, _matrix(model.geom_quat[geom]))
+            ET.SubElement(ET.SubElement(element, "geometry"), shape, attributes)
+            if kind == "visual":
+                material = ET.SubElement(element, "material", name=f"geom_{geom}")
+                ET.SubElement(material, "color", rgba=_text(model.geom_rgba[geom]))
 
 
 def _add_joints(

@@ -26,7 +26,6 @@ SHAPES = {2: "sphere", 3: "capsule", 5: "cylinder", 6: "box"}
 _OTHER_SHAPES = {0: "plane", 1: "height field", 4: "ellipsoid", 7: "mesh", 8: "distance field"}
 _UNSHAPED = "is neither drawn nor compared for contact"
 _RIGID = "the joint moves without it"
-_TOUCHING = "which geoms touch; all that no joint connects are compared"
 _CONTACT = "freefloat keeps bodies apart, and computes no contact forces"
 _SOLVER = "MuJoCo's solver; freefloat keeps joint ranges exactly"
 _PROPERTIES = {
@@ -48,11 +47,7 @@ _PROPERTIES = {
         "solref": ("solreffriction", _SOLVER),
         "solimp": ("solimpfriction", _SOLVER),
     },
-    "geom": {
-        "contype": ("contype", _TOUCHING),
-        "conaffinity": ("conaffinity", _TOUCHING),
-        "fluid": ("fluidshape", "forces of a fluid; there is none"),
-    },
+    "geom": {"fluid": ("fluidshape", "forces of a fluid; there is none")},
     "body": {"gravcomp": ("gravcomp", "compensation of gravity; there is none")},
 }
 """Attribute and meaning of properties, by the prefix of their arrays in MuJoCo."""
@@ -60,8 +55,8 @@ _USED = {
     "jnt": "actfrclimited actuatorid axis bodyid dofadr group limited plasticadr pos qposadr range "
            "type user",
     "dof": "M0 Madr bodyid invweight0 jntid length parentid simplenum treeid",
-    "geom": "aabb bodyid castshadow dataid group matid plugin pos quat rbound rgba sameframe size "
-            "type user",
+    "geom": "aabb bodyid castshadow conaffinity contype dataid group matid plugin pos quat rbound "
+            "rgba sameframe size type user",
     "body": "bvhadr bvhnum conaffinity contype dofadr dofnum geomadr geomnum inertia invweight0 "
             "ipos iquat jntadr jntnum margin mass mocapid parentid plugin pos quat rootid "
             "sameframe simple subtreemass treeid user weldid",
@@ -198,8 +193,6 @@ def _couplings(model: Any, mujoco: Any, lines: Lines) -> Iterator[NotRead]:
         ("tendon", kinds.mjOBJ_TENDON, model.ntendon, "joints move without it"),
         ("actuator", kinds.mjOBJ_ACTUATOR, actuators, "a drive, its gains and its ranges of "
          "control and force; limits.joint_torque in a scenario limits torques"),
-        ("exclude", kinds.mjOBJ_EXCLUDE, model.nexclude,
-         "bodies that may touch; all that no joint connects are compared"),
         ("pair", kinds.mjOBJ_PAIR, model.npair, _CONTACT),
         ("flex", kinds.mjOBJ_FLEX, model.nflex, f"a deformable body; it {_UNSHAPED}"),
         ("skin", kinds.mjOBJ_SKIN, model.nskin, "it is not drawn"),

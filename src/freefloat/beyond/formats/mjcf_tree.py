@@ -1,8 +1,9 @@
-"""Bodies and joints of a model of MuJoCo: their numbers and names."""
+"""Bodies and joints of a model of MuJoCo: their numbers, names, and which bodies may touch."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from itertools import combinations
 from typing import Any
 
 WORLD = 0
@@ -44,3 +45,22 @@ def joint_name(model: Any, joint: int) -> str:
     several = joints_of(model, body)
     number = f"_{several.index(joint) + 1}" if len(several) > 1 else ""
     return str(model.joint(joint).name) or f"{body_name(model, body)}_joint{number}"
+
+
+def contact_bits(model: Any, geom: int) -> tuple[int, int]:
+    """What a geom is, and what it touches, as MuJoCo's bits ``contype`` and ``conaffinity``."""
+    return int(model.geom_contype[geom]), int(model.geom_conaffinity[geom])
+
+
+def pairs_apart(model: Any, bodies: Iterable[int]) -> Iterator[tuple[str, str]]:
+    """Names of bodies with geoms that touch others, but not each other, by bits or an exclusion."""
+    bits: dict[int, list[tuple[int, int]]] = {}
+    for body in bodies:
+        first, count = int(model.body_geomadr[body]), int(model.body_geomnum[body])
+        geoms = (contact_bits(model, geom) for geom in range(first, first + count))
+        bits[body] = [entry for entry in geoms if any(entry)]
+    excluded = {frozenset(divmod(int(pair), 1 << 16)) for pair in model.exclude_signature}
+    for one, other in combinations((body for body, entries in bits.items() if entries), 2):
+        touch = any(a & d or c & b for a, b in bits[one] for c, d in bits[other])
+        if not touch or frozenset((one, other)) in excluded:
+            yield body_name(model, one), body_name(model, other)
