@@ -92,6 +92,19 @@ def test_a_file_has_the_joints_that_the_arm_of_a_problem_starts_near(name, tmp_p
         assert ff.check(loaded).passed
 
 
+def test_a_path_that_dwells_at_a_sample_is_saved(tmp_path):
+    (tmp_path / "way.csv").write_text(
+        "s,x,y,z\n0,1.9,0.2,0\n0.4,1.5,0.5,0\n0.6,1.5,0.5,0\n1,0.9,1,0"
+    )
+    scenario = ff.load_scenario({
+        "robot": {"urdf": "planar_2dof", "end_effector": "end_effector"},
+        "task": "planar-position", "path": {"samples": str(tmp_path / "way.csv")},
+        "timing": {"duration": 30}, "margin": {"measure": "system", "fraction": 0.05},
+    })  # fmt: skip
+    ff.save(scenario.plan(), tmp_path / "plan.h5")
+    assert ff.check(ff.load(tmp_path / "plan.h5")).passed
+
+
 @pytest.mark.slow
 def test_a_file_suffices_when_scenario_robot_and_samples_are_gone(tmp_path, monkeypatch):
     """Masses scaled and bodies mounted once, not twice; mesh paths lead where they led."""

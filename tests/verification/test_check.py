@@ -207,6 +207,15 @@ def simulated():
 
 
 @pytest.mark.slow
+def test_a_result_without_a_motion_is_infeasible_as_it_states():
+    """One that states to be feasible is a discrepancy."""
+    line = ff.paths.PolynomialCurve.line([2.2, 0.0, 0.0], [2.6, 0.0, 0.0])
+    plan = ff.plan(ff.Problem("planar_2dof", path=line, duration=20, margin=("gjm", 0.1)))
+    for stated, name in ((plan, "feasible"), (replace(plan, feasible=True), "motion")):
+        (missing,) = (check for check in ff.check(stated).checks if not check.passed)
+        assert missing.name == name
+
+
 def test_a_singular_motion_is_verified_to_be_singular(simulated):
     report = ff.check(simulated, "mujoco")
     assert report.discrepancies == ()

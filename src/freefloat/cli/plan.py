@@ -145,7 +145,7 @@ def _chosen_lines(plan: Plan, verbose: bool) -> Iterator[str]:
     if plan.stretch != 1.0:
         yield f"  Duration stretched by {plan.stretch:.6g} to {plan.problem.path.duration:.6g} s."
     if plan.problem.path.timing.law is TimeLaw.OPTIMAL:
-        yield f"  Fastest timing: {plan.problem.path.duration:.6g} s."
+        yield f"  Duration by timing law optimal: {plan.problem.path.duration:.6g} s."
     if plan.deviation is not None:
         yield f"  Deviation from the present attitude: {math.degrees(plan.deviation):.4f} deg."
     parts = list(_tolerances(plan))

@@ -103,6 +103,13 @@ class Check:
         }
 
 
+def without_motion(feasible: bool, reason: str) -> Check:
+    """The check of a result without a motion, which is a discrepancy unless it is infeasible."""
+    if feasible:
+        return Check("motion", False, "there is none")
+    return Check("feasible", False, reason, False)
+
+
 def error_check(
     name: str, error: float, allowed: float, unit: str, time: float | None, detail: str = ""
 ) -> Check:
@@ -118,7 +125,8 @@ def span_check(motion: Motion) -> Check:
     first, last = float(motion.times[0]), float(motion.times[-1])
     duration = motion.law.timing.duration
     error = max(abs(first), abs(last - duration) if motion.completed else last - duration)
-    passed = motion.panels > 0 and error <= _ENDS * duration
+    whole = motion.panels > 0 and motion.ending is not Ending.PART
+    passed = whole and error <= _ENDS * duration
     words = f"the path takes {duration:g} s, the motion goes from {first:g} to {last:g} s"
     detail, allowed = "" if passed else words, _ENDS * duration
     return Check("whole motion", passed, detail, duration, last, allowed, "s", relation="±")

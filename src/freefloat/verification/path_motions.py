@@ -26,6 +26,7 @@ from freefloat.verification.comparisons import (
     residual_checks,
     span_check,
     start_check,
+    without_motion,
 )
 from freefloat.verification.motions import (
     bound_checks,
@@ -56,7 +57,7 @@ def plan_report(plan: Plan, engine: str, phase: Plan | None = None) -> tuple[Che
         if plan.limits is None or plan.feasible:
             known |= dict.fromkeys(("needed_stretch", "stretch_candidate"))
     if chosen is None:
-        missing = Check("motion", False, "the plan has none")
+        missing = without_motion(plan.feasible, plan.reason)
         return CheckReport(plan.kind, (missing,)), Known(Plan, known)
 
     def stated() -> Iterator[Check]:

@@ -124,8 +124,8 @@ class FollowSection(Section):
 class PointAtSection(Section):
     """An axis toward a point.
 
-    The next axis (y after x, z after y, x after z) is as near as possible to the inertial axis that
-    is farthest from all lines of sight.
+    The next axis (y after x, z after y, x after z) is as near as possible to the inertial axis (in
+    the frame of a tumbling body: to the axis of that) that is farthest from all lines of sight.
     """
 
     target: Vector

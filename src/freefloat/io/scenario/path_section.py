@@ -167,8 +167,8 @@ def section_of(
     curve, law = path.curve, path.orientation
     if isinstance(curve, SplineCurve):
         sampled = isinstance(law, OrientationSpline)
-        chords = np.array_equal(curve.knots, SplineCurve(curve.points).knots)
-        if sampled or not chords:
+        dwells = not np.diff(curve.points, axis=0).any(axis=1).all()
+        if sampled or dwells or not np.array_equal(curve.knots, SplineCurve(curve.points).knots):
             attitude = {} if sampled else _attitude_section(law)
             return {"samples": samples, **attitude}, {samples: _csv_text(curve, law)}
     return curve_content(curve) | _attitude_section(law), {}
