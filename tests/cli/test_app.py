@@ -79,6 +79,23 @@ def test_an_unforeseen_exception_asks_for_a_report(monkeypatch: pytest.MonkeyPat
     assert (result.exit_code, "Traceback" in result.stderr) == (3, True)
 
 
+@pytest.mark.parametrize(
+    ("failure", "key", "advice"),
+    [(MemoryError(), "memory", "fewer"),
+     (ImportError("no h5py", name="h5py"), "packages", "pip install --upgrade h5py")],
+)  # fmt: skip
+def test_what_the_machine_lacks_is_no_internal_error(
+    failure: Exception, key: str, advice: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def lacking(*_: object) -> None:
+        raise failure
+
+    monkeypatch.setattr(workspace, "Console", lacking)
+    refusal = error("workspace", "planar_3dof/parabola")
+    assert refusal["key"] == key
+    assert advice in refusal["accepted"]
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("stop", [signal.SIGINT, signal.SIGTERM])
 def test_an_interruption_exits_with_130(stop: signal.Signals, tmp_path: Path) -> None:

@@ -92,6 +92,23 @@ def test_a_file_has_the_joints_that_the_arm_of_a_problem_starts_near(name, tmp_p
         assert ff.check(loaded).passed
 
 
+def test_a_path_of_very_many_samples_in_a_folder_of_any_name_is_saved(tmp_path, monkeypatch):
+    folder = tmp_path / os.fsdecode(b"n\xff")  # no UTF-8
+    folder.mkdir()
+    s = np.linspace(0.0, 1.0, 10_001)[:, None]
+    points = np.hstack([1.9 - s, 0.2 + 0.3 * s**2, 0.0 * s])
+    np.savetxt(folder / "way.csv", points, "%.17g", ",", header="x,y,z", comments="")
+    shutil.copy(find_robot("planar_2dof", folder), folder)
+    (folder / "long.yaml").write_text(
+        "robot: {urdf: planar_2dof.urdf, end_effector: end_effector}\ntask: planar-position\n"
+        "path: {samples: way.csv}\ntiming: {duration: 30}\n"
+        "margin: {measure: system, fraction: 0.05}\n"
+    )
+    found = ff.load_scenario(folder / "long.yaml").simulate(heading=0.3)
+    ff.save(found, tmp_path / "motion.h5")
+    assert ff.check(ff.load(tmp_path / "motion.h5")).passed
+
+
 def test_a_path_that_dwells_at_a_sample_is_saved(tmp_path):
     (tmp_path / "way.csv").write_text(
         "s,x,y,z\n0,1.9,0.2,0\n0.4,1.5,0.5,0\n0.6,1.5,0.5,0\n1,0.9,1,0"

@@ -86,6 +86,17 @@ def test_a_file_that_is_none_is_refused(tmp_path):
         assert caught.value.source == str(file)
 
 
+def test_rows_too_near_for_their_rounding_are_named(write):
+    s = np.linspace(0.0, 1.0, 20_001)
+    rows = np.round(np.stack([2.0 - s, 0.05 * np.sin(3.0 * s), 0.0 * s], axis=1), 6)
+    scenario = {
+        "robot": {"urdf": "planar_3dof", "end_effector": "end_effector"},
+        "task": "planar-position", "timing": {"duration": 30},
+        "path": {"samples": str(write("x,y,z\n" + "\n".join(",".join(map(str, r)) for r in rows)))},
+    }  # fmt: skip
+    assert error_key(ff.load_scenario(scenario).problem) == "path.samples"
+
+
 def test_an_orientation_whose_rate_is_not_that_of_its_rotation_is_refused() -> None:
     turning = ff.paths.SlerpOrientation(np.eye(3), np.diag([1.0, -1.0, -1.0]))
     still = type("Still", (type(turning),), {"rate": lambda law, s: np.zeros(3)})

@@ -71,6 +71,11 @@ def _report(error: Exception, as_json: bool, debug: bool) -> int:
     elif isinstance(error, OSError) and error.errno is not None:  # without: no library loads
         name = "output" if error.filename is None else str(error.filename)
         error = InputError(name, os.strerror(error.errno), "a usable file")
+    elif isinstance(error, MemoryError):
+        error = InputError("memory", "there is not enough", "fewer samples, runs or cores")
+    elif isinstance(error, ImportError) and not (error.name or "").startswith("freefloat"):
+        accepted = f"pip install --upgrade {error.name or 'of it'}"
+        error = InputError("packages", f"one cannot be imported ({error})", accepted)
     if isinstance(error, FreeFloatError):
         print_error(error, as_json)
         return BAD_INPUT

@@ -103,20 +103,22 @@ class Console:
 @contextmanager
 def _reports(description: str) -> Iterator[Callable[[float], None]]:
     """Lines on stderr about work that takes long; yields what is called with the fraction done."""
-    done, ended = 0.0, Event()
+    done, last, ended = 0.0, 0.0, Event()
     first: tuple[float, float] | None = None
 
     def update(fraction: float) -> None:
-        nonlocal done, first
-        done = max(done, fraction)  # stages may begin again
-        first = first or (done, time.monotonic())
+        nonlocal done, last, first
+        if first is None or fraction > done:  # stages may begin again
+            done, last = max(done, fraction), time.monotonic()
+        first = first or (done, last)
 
     def amount() -> str:
         if not done or first is None:
             return " ..."
-        gained, seconds = done - first[0], time.monotonic() - first[1]
-        left = f", about {time_text(seconds * (1.0 - done) / gained)} left" if gained else ""
-        return f": {100.0 * done:.0f} %{left if done < 1.0 else ''}"
+        gained, left = done - first[0], 0.0
+        if gained:
+            left = (last - first[1]) * (1.0 - done) / gained - (time.monotonic() - last)
+        return f": {100.0 * done:.0f} %" + f", about {time_text(left)} left" * (left > 0.0)
 
     def report() -> None:
         pause = _PATIENCE

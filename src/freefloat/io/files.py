@@ -46,6 +46,11 @@ def require_result_name(path: Path) -> None:
         raise InputError("output", f"{str(path)!r} was given", accepted)
 
 
+def path_text(path: str | Path) -> str:
+    """The name of a file as Unicode, which files can hold; names of other encodings are altered."""
+    return os.fsencode(path).decode("utf-8", "replace")
+
+
 def cell_text(text: str) -> str:
     """A text as the cell of a CSV file; an apostrophe keeps spreadsheets from evaluating it."""
     return f"'{text}" if text.startswith(_FORMULA) else text

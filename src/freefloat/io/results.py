@@ -17,7 +17,7 @@ from typing import Any, cast
 import numpy as np
 
 from freefloat.errors import InputError, require_type
-from freefloat.io.files import require_result_name
+from freefloat.io.files import path_text, require_result_name
 from freefloat.io.scenario.loading import parse_scenario
 from freefloat.io.scenario.scenario import Scenario
 from freefloat.io.scenario.scene_section import parse_shapes, shapes_text
@@ -87,7 +87,7 @@ def _origin(model: FreeFloatingModel, scenario: Scenario | None) -> dict[str, An
         "end_effector": model.end_effector,
         "joint_names": model.joint_names,
         "robot": model.description.text,
-        "robot_file": os.path.abspath(model.description.source),
+        "robot_file": path_text(os.path.abspath(model.description.source)),
         "base": str(model.base),
         "gravity": json.dumps(model.gravity),
         "held": json.dumps(dict(model.fixed_joints)),
@@ -100,7 +100,7 @@ def _origin(model: FreeFloatingModel, scenario: Scenario | None) -> dict[str, An
         robot["start_joints"] = json.dumps(scenario.start_joints.tolist())
     return robot | {
         "scenario": scenario.text,
-        "scenario_file": str(scenario.source),
+        "scenario_file": path_text(scenario.source),
         "samples": json.dumps(dict(scenario.samples)),
         "scene": shapes_text(scenario.shapes),
     }

@@ -155,8 +155,6 @@ def plan_attitude(
         plan, feasible=True, reason=reason + NOT_UNIQUE * flat, chosen=chosen,
         disagreements=tuple(disagreements),
     )  # fmt: skip
-    if progress is not None:
-        progress(1.0)
     depth = heading_depth(evaluator, plan, chosen)
     return replace(plan, robust_radius=radius if depth is None else depth)
 

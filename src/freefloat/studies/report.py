@@ -62,7 +62,7 @@ def save_report(result: StudyResult, progress: Progress = lambda done: None) -> 
     linked = [file.name for file in (*tables, figure) if file]
     page = _page(result, parameters, unit, picture.read_bytes(), linked)
     with written_beside(result.folder / REPORT) as beside:
-        beside.write_text(page, encoding="utf-8")
+        beside.write_text(page, encoding="utf-8", errors="replace")
     return {"figure": figure, "picture": picture, "report": result.folder / REPORT}
 
 

@@ -202,8 +202,10 @@ def save_figures(
         layout = figure.get_layout_engine()
         for kind in kinds:
             file = Path(folder) / f"{name}.{kind}"
+            picture = io.BytesIO()  # Matplotlib's own files hide errors of a full disk
+            figure.savefig(picture, format=kind, dpi=dots)
             with written_beside(file) as temporary:
-                figure.savefig(temporary, format=kind, dpi=dots)
+                temporary.write_bytes(picture.getvalue())
             figure.set_layout_engine("none")  # it is laid out
             files.append(file)
         figure.set_layout_engine(layout)

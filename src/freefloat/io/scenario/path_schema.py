@@ -24,6 +24,9 @@ from freefloat.io.scenario.yaml import file_keys
 from freefloat.paths.curves import ArcCurve, Curve, PolynomialCurve, SplineCurve
 from freefloat.paths.timing import Stop, TimeLaw, Timing
 
+MOST_WAYPOINTS = 10_000
+"""Points that a scenario file may list; files of samples may have more."""
+
 
 class CurveSection(Section):
     """One kind of curve: its keys, the curve that they describe, and back.
@@ -165,7 +168,7 @@ class PathSection(Section):
     line: LineSection | None = None
     polynomial: PolynomialSection | None = None
     arc: ArcSection | None = None
-    waypoints: Annotated[list[Vector], Field(min_length=2, max_length=10_000)] | None = None
+    waypoints: Annotated[list[Vector], Field(min_length=2, max_length=MOST_WAYPOINTS)] | None = None
     """Points [m] of a twice continuously differentiable spline."""
     samples: str | None = None
     """A CSV file, relative to the scenario file: x, y, z [m], optionally s and qx, qy, qz, qw."""

@@ -15,6 +15,7 @@ from freefloat.dynamics.tasks import Task
 from freefloat.errors import InputError
 from freefloat.io.scenario.field_types import quaternion_of, rotation_of
 from freefloat.io.scenario.path_schema import (
+    MOST_WAYPOINTS,
     AttitudeSection,
     FollowSection,
     FrameName,
@@ -131,7 +132,13 @@ def path_of(
         problem = f"it is missing, task {task} needs it"
         raise InputError("attitude", problem, "fixed, slerp, follow or point_at")
     with file_keys(curve=section.kind):
-        path = EndEffectorPath(curve, law)
+        try:
+            path = EndEffectorPath(curve, law)
+        except InputError as error:
+            if section.samples is None or error.key != "curve":
+                raise
+            problem = "the spline swings between its rows, which are too near for their rounding"
+            raise InputError("curve", problem, "fewer rows, or more digits") from None
     with file_keys(curve="attitude.point_at"):
         return path if frame is None else path.moved(frame)
 
@@ -168,7 +175,8 @@ def section_of(
     if isinstance(curve, SplineCurve):
         sampled = isinstance(law, OrientationSpline)
         dwells = not np.diff(curve.points, axis=0).any(axis=1).all()
-        if sampled or dwells or not np.array_equal(curve.knots, SplineCurve(curve.points).knots):
+        many = dwells or len(curve.points) > MOST_WAYPOINTS
+        if sampled or many or not np.array_equal(curve.knots, SplineCurve(curve.points).knots):
             attitude = {} if sampled else _attitude_section(law)
             return {"samples": samples, **attitude}, {samples: _csv_text(curve, law)}
     return curve_content(curve) | _attitude_section(law), {}

@@ -10,6 +10,7 @@ from typing import Any
 import yaml
 
 from freefloat.dynamics.redundancy import Toward
+from freefloat.io.files import path_text
 from freefloat.io.scenario.arms_section import arms_content
 from freefloat.io.scenario.limits_section import limits_content
 from freefloat.io.scenario.loading import parse_scenario
@@ -101,7 +102,7 @@ def written_scenario(
     limits = limits_for(setting, limits) or Limits()
     sections: dict[str, Any] = {
         "robot": {
-            "urdf": "robot.urdf" if unnamed else model.description.source,
+            "urdf": "robot.urdf" if unnamed else path_text(model.description.source),
             "end_effector": model.end_effector,
             "base": str(model.base) if model.on_table else None,
             "gravity": model.gravity or None,
