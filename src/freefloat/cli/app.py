@@ -74,7 +74,7 @@ def _report(error: Exception, as_json: bool, debug: bool) -> int:
     elif isinstance(error, MemoryError):
         error = InputError("memory", "there is not enough", "fewer samples, runs or cores")
     elif isinstance(error, ImportError) and not (error.name or "").startswith("freefloat"):
-        accepted = f"pip install --upgrade {error.name or 'of it'}"
+        accepted = f"pip install --upgrade {error.name or 'PACKAGE'}"
         error = InputError("packages", f"one cannot be imported ({error})", accepted)
     if isinstance(error, FreeFloatError):
         print_error(error, as_json)

@@ -75,7 +75,7 @@ class EndEffectorPath:
             difference, tangent = self._difference(s), self.tangent(s)
             for key, name, stated, moved, small in (
                 ("curve", "derivative", tangent[:3], difference[:3], _SMALL),
-                ("curve", "second derivative", self.curve(s, 2), self._bend(s), 1.0),
+                ("curve", "second derivative", self.curve(s, 2), self._second_difference(s), 1.0),
                 ("orientation", "derivative", tangent[3:], difference[3:], _SMALL),
             ):
                 size, length, error = np.linalg.norm([stated, moved, stated - moved], axis=1)
@@ -91,7 +91,7 @@ class EndEffectorPath:
         turn = rotation_vector_between(before.rotation, after.rotation)
         return np.concatenate([after.position - before.position, turn]) / (2.0 * _STEP)
 
-    def _bend(self, s: float) -> Array:
+    def _second_difference(self, s: float) -> Array:
         """The second derivative of the curve by a central difference, shape (3,)."""
         if (np.abs(self.curve.breaks - s) < _STEP).any():
             return self.curve(s, 2)

@@ -280,8 +280,7 @@ class RigidBodyModel:
         """
         values: Any = joints
         if not isinstance(joints, Mapping):
-            accepted = f"a number for each of {', '.join(self.joint_names)}"
-            values = np.atleast_1d(number_array(key, joints, accepted))
+            values = np.atleast_1d(number_array(key, joints, ", ".join(self.joint_names)))
         names = self.joint_names[: self.arm_dof if len(values) == self.arm_dof else None]
         if isinstance(joints, Mapping):
             if set(joints) != set(names):

@@ -103,7 +103,7 @@ class Check:
         }
 
 
-def without_motion(feasible: bool, reason: str) -> Check:
+def missing_motion_check(feasible: bool, reason: str) -> Check:
     """The check of a result without a motion, which is a discrepancy unless it is infeasible."""
     if feasible:
         return Check("motion", False, "there is none")

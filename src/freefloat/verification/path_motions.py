@@ -23,10 +23,10 @@ from freefloat.verification.comparisons import (
     arms_check,
     certificate_checks,
     completed,
+    missing_motion_check,
     residual_checks,
     span_check,
     start_check,
-    without_motion,
 )
 from freefloat.verification.motions import (
     bound_checks,
@@ -57,7 +57,7 @@ def plan_report(plan: Plan, engine: str, phase: Plan | None = None) -> tuple[Che
         if plan.limits is None or plan.feasible:
             known |= dict.fromkeys(("needed_stretch", "stretch_candidate"))
     if chosen is None:
-        missing = without_motion(plan.feasible, plan.reason)
+        missing = missing_motion_check(plan.feasible, plan.reason)
         return CheckReport(plan.kind, (missing,)), Known(Plan, known)
 
     def stated() -> Iterator[Check]:

@@ -194,19 +194,19 @@ def save_figures(
             the name of a figure.
     """
     make_folder("plots", Path(folder))
-    for name, kind in product(figures, kinds):
-        require_writable("plots", Path(folder) / f"{name}.{kind}")
-        require_replaceable("plots", Path(folder) / f"{name}.{kind}", kind)
-    files = []
+    files = {
+        (name, kind): Path(folder) / f"{name}.{kind}" for name, kind in product(figures, kinds)
+    }
+    for (_, kind), file in files.items():
+        require_writable("plots", file)
+        require_replaceable("plots", file, kind)
     for name, figure in figures.items():
         layout = figure.get_layout_engine()
         for kind in kinds:
-            file = Path(folder) / f"{name}.{kind}"
             picture = io.BytesIO()  # Matplotlib's own files hide errors of a full disk
             figure.savefig(picture, format=kind, dpi=dots)
-            with written_beside(file) as temporary:
+            with written_beside(files[name, kind]) as temporary:
                 temporary.write_bytes(picture.getvalue())
             figure.set_layout_engine("none")  # it is laid out
-            files.append(file)
         figure.set_layout_engine(layout)
-    return tuple(files)
+    return tuple(files.values())

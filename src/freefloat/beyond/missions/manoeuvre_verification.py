@@ -32,8 +32,8 @@ from freefloat.verification.comparisons import (
     Check,
     completed,
     error_check,
+    missing_motion_check,
     span_check,
-    without_motion,
 )
 from freefloat.verification.motions import MOTION, limit_checks, same_results
 from freefloat.verification.path_motions import plan_report
@@ -62,7 +62,7 @@ def goal_report(result: GoalMotion, engine: str) -> tuple[CheckReport, Known]:
     motion, law = result.motion, result.law
     known = dict[str, Any](goal=Origin.GIVEN, seed=Origin.GIVEN)
     if motion is None or law is None:
-        missing = without_motion(result.feasible, result.reason)
+        missing = missing_motion_check(result.feasible, result.reason)
         return CheckReport(result.kind, (missing,)), Known(GoalMotion, known)
     checker = LimitChecker(motion.setting, result.limits)
     limits = same_results(checker, motion, result.limit_results)
