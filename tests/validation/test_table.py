@@ -208,6 +208,24 @@ def test_a_certificate_bounds_the_margin_on_a_table() -> None:
     assert certificate.integration.joints < 1e-8
 
 
+def test_ranges_of_a_spatial_arm_on_a_table_end_where_its_margin_does() -> None:
+    plan = ff.load_scenario("ur5_servicer/table").plan(threads=1)
+    problem, nearby = plan.problem, 1e-5  # degrees
+    arm = plan.ranges[1]
+    ends = [(first, 1.0) for first, _ in arm.degrees] + [(last, -1.0) for _, last in arm.degrees]
+    kept = []
+    for end, inward in ends:
+        if 0.0 < end < 360.0:  # else the range goes on
+            for sign in (inward, -inward):
+                attitude = heading_quaternion(np.radians(end + sign * nearby))
+                motion = ff.integrate_motion(
+                    problem, attitude, problem.branches(attitude)[1].joints
+                )
+                least = ff.closest_approach(motion, problem.margin.measure).value
+                kept.append(motion.completed and least >= problem.margin.threshold)
+    assert kept == [True, False] * 2
+
+
 @pytest.mark.parametrize(
     ("key", "value"), [("momentum", [0.1, 0.0, 0.2]), ("wheel_momentum", [0.0, 0.3, 0.0])]
 )

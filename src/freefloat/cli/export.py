@@ -79,19 +79,21 @@ def export(
     header = _header(kind, epoch=epoch, frame=frame, object=object_, object_id=object_id)
     if target is not None:
         prepare_outputs(file, kind=kind, output=target)
+    console, written = Console(as_json, quiet), []
     result = load_answer(file)
-    sampled = trajectories(result, kind, times, rate, header)
+    with console.progress("sampling the motion"):
+        sampled = trajectories(result, kind, times, rate, header)
     if target is None:
         if len(sampled) > 1:
             raise InputError("output", "- was given for several phases", "a file")
         typer.echo("".join(TEXTS[kind](trajectory) for trajectory in sampled.values()), nl=False)
         return
-    console, written = Console(as_json, quiet), []
     paths = [target.with_stem(target.stem + name) if name else target for name in sampled]
     for path in paths:
         prepare_outputs(file, kind=kind, output=path)
     for path, trajectory in zip(paths, sampled.values(), strict=True):
-        save_trajectory(path, trajectory, kind)
+        with console.progress(f"writing {path.name}"):
+            save_trajectory(path, trajectory, kind)
         written.append(_described(path, kind, trajectory))
         console.tables([_line(kind, written[-1])])
     console.json(written[0] if len(written) == 1 else {"phases": written})

@@ -16,10 +16,10 @@ DECIDERS = "ensemble", "ensemble at 1e-8", "ensemble at 1e-10", "motion"
 """What decided a motion: an ensemble, another one with that tolerance, or a precise motion."""
 STEP_TOLERANCE = 1e-6
 """Relative and absolute tolerance of integration steps, by default."""
-_PLANAR_TOLERANCE = 1e-9
-"""Tolerance of planar tasks: limits of ranges are then exact to 1e-7 rad."""
+_HEADING_TOLERANCE = 1e-9
+"""Tolerance where initial attitudes are headings: limits of ranges are then exact to 1e-7 rad."""
 
 
 def step_tolerance(problem: Problem) -> float:
     """Tolerance of integration steps at which minima are exact enough for verdicts."""
-    return _PLANAR_TOLERANCE if problem.task.planar else STEP_TOLERANCE
+    return _HEADING_TOLERANCE if problem.has_headings else STEP_TOLERANCE

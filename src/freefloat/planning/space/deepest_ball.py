@@ -14,6 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from freefloat.attitude_grids import even_directions
+from freefloat.concurrency import Progress, step_of
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.planning.candidates import Ball, BoundaryPoint
 from freefloat.planning.pattern_search import (
@@ -179,12 +180,13 @@ class _BallSearch:
 
 
 def deepest(
-    evaluator: FeasibilityEvaluator, samples: AttitudeMap, known: Sequence[BoundaryPoint] = ()
-) -> Ball | None:
+    evaluator: FeasibilityEvaluator, samples: AttitudeMap, known: Sequence[BoundaryPoint] = (),
+    progress: Progress | None = None,
+) -> Ball | None:  # fmt: skip
     """The centre of the largest ball of attitudes inside the feasible set of one branch.
 
     Known points of the boundary and samples outside limit every ball. None where no sample is
-    feasible and avoids all singularities.
+    feasible and avoids all singularities. ``progress`` is called with the fraction of the rounds.
     """
     limits: dict[int | None, _Outside] = {}
     probed: list[Ball] = []
@@ -200,7 +202,9 @@ def deepest(
         return None
     search = _BallSearch(evaluator, limits)
     probed += search.probed(search.updated(probed))
-    for _ in range(_ROUNDS // evaluator.sample_reduction):
+    rounds, report = _ROUNDS // evaluator.sample_reduction, step_of(progress, 0.0, 1.0)
+    for number in range(rounds):
+        report(number / rounds)
         candidates, best = search.candidates(), search.updated(probed)[0]
         enough = _SETTLED * candidates[0].radius
         if best.radius < enough:

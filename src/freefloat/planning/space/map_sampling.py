@@ -39,8 +39,8 @@ from freefloat.so3 import Array, BoolArray, angle_between, frozen, rotated, rota
 
 _ATTITUDES = 36_864
 """Default number of samples of a map in space."""
-_SAMPLING = 0.8
-"""Fraction of the computing time, for the progress reported."""
+_SAMPLING = 0.5
+"""Fraction of a refined map's computing time, for the progress reported."""
 _BLOCK = 2048
 """Attitudes that are integrated together."""
 _RADIUS, _CLOUD = 0.02, 96
@@ -124,7 +124,8 @@ def attitude_map(
         require_memory("touch", touch, _POINT_SIZE)
     evaluator = evaluator_for(problem, threads, limits)
     count = _ATTITUDES if samples is None else samples
-    sampled = sample_attitudes(evaluator, count, search, step_of(progress, 0.0, _SAMPLING))
+    done = _SAMPLING if refine else 1.0
+    sampled = sample_attitudes(evaluator, count, search, step_of(progress, 0.0, done))
     points = tangent_boundary(evaluator, touch, search) if touch else ()
     near = () if target is None else nearest_feasible(evaluator, sampled, target)
     result = replace(
@@ -139,11 +140,10 @@ def attitude_map(
         result = replace(
             result,
             best=next(iter(feasible_peaks(evaluator, sampled)), None),
-            robust=deepest(evaluator, sampled, points),
+            robust=deepest(evaluator, sampled, points, step_of(progress, done, 1.0)),
             regions=find_regions(sampled, evaluator.threads),
         )
-    if progress is not None:
-        progress(1.0)
+    step_of(progress, 0.0, 1.0)(1.0)
     return replace(result, seconds=time.perf_counter() - start)
 
 
