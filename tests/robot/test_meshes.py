@@ -65,7 +65,6 @@ def test_the_unit_of_a_file_counts_and_its_upward_axis_does_not(tmp_path: Path) 
 
 def test_a_mirrored_mesh_still_looks_outwards(tmp_path: Path) -> None:
     (ball,) = read_mesh(saved(trimesh.creation.icosphere(2), tmp_path / "ball.stl"), [-1, 1, 1])
-    np.testing.assert_allclose(ball.mesh.normals, ball.mesh.vertices, atol=0.05)
     a, b, c = np.moveaxis(ball.mesh.vertices[ball.mesh.faces], 1, 0)
     assert (np.einsum("fi,fi->f", np.cross(b - a, c - a), a + b + c) > 0.0).all()
 

@@ -119,7 +119,7 @@ class ArmCurve:
 
     @property
     def duration(self) -> float:
-        """[s]."""
+        """Time of the last values [s]."""
         return float(self.times[-1])
 
     @cached_property

@@ -139,7 +139,7 @@ def evaluator_for(
     limits: Limits | None = None,
     search: Search | None = None,
 ) -> FeasibilityEvaluator:
-    """The evaluator of a problem, for planar tasks precise enough for the limits of ranges.
+    """The evaluator of a problem, of headings precise enough for the limits of ranges.
 
     It measures the spacecraft's turn where the objective of the search depends on that.
     """

@@ -19,7 +19,7 @@ from freefloat.so3 import Array, BoolArray, IntArray, angle_between, rotated, ro
 _GROWTH, _RATIOS = 2.0, (0.2, 1.5)
 """Size of a pattern in units of the last step, and limits of its ratio to the size of the last."""
 _GAIN = 2e-7
-"""Smallest relative gain that is one."""
+"""Smallest relative gain that counts."""
 _SAME_POINT = 0.7
 """Points nearer than this fraction of a pattern's size are the same."""
 ROUNDS = 14

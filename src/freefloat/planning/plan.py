@@ -1,4 +1,4 @@
-"""What to search for, and the plan: the chosen attitude, its motion, every feasible range."""
+"""The plan of a path: the chosen attitude, its motion, every feasible range."""
 
 from __future__ import annotations
 

@@ -29,7 +29,7 @@ def plan(
 ) -> Plan:
     """Find the initial attitudes from which the path can be followed, and choose one.
 
-    For planar tasks all feasible headings are found; for spatial ones the motions of a grid over
+    For planar tasks and on a table all feasible headings are found; else the motions of a grid over
     SO(3) are integrated and the chosen attitude is refined between its samples. The time law
     ``optimal`` becomes the fastest one, see :func:`~freefloat.planning.timing.retiming.retime`.
 

@@ -103,9 +103,9 @@ class Search:
             configurations at every attitude only the closest is considered; all when left out.
         within: Only attitudes within this angle of ``from_attitude`` are searched [rad]; all when
             left out.
-        samples: Number of attitudes; when left out 360 headings for planar tasks (where no closed
-            form is known), 4,096 attitudes for spatial ones.
-        seed: Rotates the grid of attitudes of spatial tasks.
+        samples: Number of attitudes; when left out 360 headings (where no closed form is known),
+            4,096 attitudes in space.
+        seed: Rotates the grid of attitudes in space.
         spare: Objective nearest: the margin is kept within this angle around the attitude [rad].
 
     Example:

@@ -111,7 +111,8 @@ def simulate(
     Args:
         problem: Robot, path and momentum.
         attitude: Attitude of the spacecraft at the start, quaternion x, y, z, w.
-        heading: For planar tasks, in place of the attitude: angle from the inertial x axis [rad].
+        heading: In place of the attitude, for planar tasks and on a table: the angle about the
+            normal of the plane [rad].
         branch: Integrate the branch with this number; by default all are integrated, and one is
             chosen, see :class:`Simulation`.
         joints: Integrate the branch near these joint values, shape (n,).

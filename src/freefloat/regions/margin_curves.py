@@ -125,8 +125,6 @@ class MarginCurve:
         level: S0; zero for singularity curves.
         first: Whether it is (22a), whose singularities lie in the path-dependent area A, not (22b),
             whose singularities lie in B.
-        whole: Whether q1 takes all values; otherwise its ends are ends of the other solution,
-            too.
         joints: q1 and q2 along the curve [rad], continuous, shape (K, 2).
         radii: Distance of point 3 from the centre of mass [m], shape (K,).
         covered: Smallest and largest distance along the curve, between its points, too [m].
@@ -134,7 +132,6 @@ class MarginCurve:
 
     level: float
     first: bool
-    whole: bool
     joints: Array = field(repr=False)
     radii: Array = field(repr=False)
     covered: Interval
@@ -243,4 +240,4 @@ def _curve(
         return sign * min(float(result.fun), sign * float(radii[k]))
 
     covered = extreme(1.0), extreme(-1.0)
-    return MarginCurve(level, first, whole, frozen(q), frozen(radii), covered)
+    return MarginCurve(level, first, frozen(q), frozen(radii), covered)

@@ -37,19 +37,15 @@ class Mesh:
     """Triangles, anticlockwise when seen from outside.
 
     Attributes:
-        vertices: Vertices [m], shape (V, 3).
+        vertices: Vertices [m], shape (V, 3). A vertex on a sharp edge appears once for each side.
         faces: Indices of three vertices each, shape (F, 3).
-        normals: Outward unit vectors at the vertices, shape (V, 3). A vertex on a sharp edge
-            appears once for each side.
     """
 
     vertices: Array
     faces: IntArray
-    normals: Array
 
     def __post_init__(self) -> None:
-        for name in ("vertices", "normals"):
-            object.__setattr__(self, name, frozen(getattr(self, name)))
+        object.__setattr__(self, "vertices", frozen(self.vertices))
         faces = np.array(self.faces, dtype=np.int64)
         faces.setflags(write=False)
         object.__setattr__(self, "faces", faces)
@@ -116,7 +112,7 @@ def capsule_mesh(capsule: Capsule) -> Mesh:
     mesh = trimesh.creation.capsule(capsule.length, capsule.radius, count=[16, 32])
     mesh.apply_translation(-mesh.bounds.mean(axis=0))  # releases differ in its origin
     smooth = trimesh.graph.smooth_shade(mesh, angle=_SMOOTH, facet_minarea=None)
-    return Mesh(smooth.vertices, smooth.faces, smooth.vertex_normals)
+    return Mesh(smooth.vertices, smooth.faces)
 
 
 class _Resolver(trimesh.resolvers.FilePathResolver):
@@ -246,4 +242,4 @@ def _merged(meshes: list[Any], factor: Array) -> Mesh | None:
     if len(merged.faces) == 0 or not np.isfinite(merged.vertices).all():
         return None
     smooth = trimesh.graph.smooth_shade(merged, angle=_SMOOTH, facet_minarea=None)
-    return Mesh(smooth.vertices, smooth.faces, smooth.vertex_normals)
+    return Mesh(smooth.vertices, smooth.faces)

@@ -105,7 +105,7 @@ def what_is_not_read(robot: Any) -> Iterator[NotRead]:
 
 
 def _of_element(element: Any) -> Iterator[NotRead]:
-    """What is not read of an element that is."""
+    """Attributes and children of an element that are not read."""
     attributes, children = _READ[element.tag]
     for key, value in element.attrib.items():
         if key in attributes:

@@ -166,7 +166,7 @@ class AttributeReader:
     """
 
     def __init__(self, source: str) -> None:
-        """Read for a file, which diagnostics name."""
+        """Prepare to read a file, whose name diagnostics state."""
         self.diagnostics: list[UrdfDiagnostic] = []
         self._source = source
 

@@ -181,7 +181,7 @@ def _joints(robot: RobotDescription) -> Faults:
 
 
 def _mimics(robot: RobotDescription) -> Faults:
-    """Joints that follow themselves."""
+    """Faults of joints that follow themselves."""
     for joint in robot.joints:
         leader, followers = joint, set[str]()
         while leader.mimic is not None and leader.name not in followers:

@@ -36,7 +36,7 @@ _REPORT_FILES = ("figure", "picture", "report")
 """Kinds of files that are written with a report."""
 _KILLED = "its worker was killed, also when the run was repeated"
 _MISSING = -1
-"""In place of a verdict."""
+"""Number in place of a verdict that is missing."""
 Stages = Callable[[str], AbstractContextManager[Progress]]
 """Begins a step of a study that has a name; what it yields is called with the fraction done."""
 

@@ -1,1 +1,1 @@
-"""Limits in planning: screening, trials, keeping."""
+"""Motions that keep limits: screened, tried, searched for further, stretched."""

@@ -39,7 +39,7 @@ _FINE = 1e-6
 _SLACK = 1e-4
 """Violation up to which a compiled motion may be feasible, and from which it may not."""
 _LEAST = float(np.finfo(float).min)
-"""Merit of the least motion that has one."""
+"""Smallest merit of a motion."""
 _TRIED = 6
 """Attitudes of the smallest violations that are integrated precisely."""
 _PRECISE = 8

@@ -70,7 +70,7 @@ def attitude_map(
 ) -> AttitudeMap | HeadingMap:
     """Map the minimum margins over all initial attitudes, and search between them if asked.
 
-    For planar tasks the attitudes are headings, and nothing is searched between them.
+    For planar tasks and on a table the attitudes are headings, and nothing is searched between them.
 
     Args:
         problem: The problem.
@@ -89,7 +89,7 @@ def attitude_map(
         progress: Called with the fraction done, in [0, 1].
 
     Returns:
-        An :class:`AttitudeMap`, or a :class:`HeadingMap` for planar tasks.
+        An :class:`AttitudeMap`, or a :class:`HeadingMap` of headings.
 
     Raises:
         InputError: If an argument is not usable, the task is planar and attitudes are to be

@@ -27,7 +27,7 @@ timing."""
 _ROUNDS, _SETTLED = 40, 2e-4
 """Linear programs, and the relative change of the duration at which they end."""
 _FACTOR = 4.0
-"""Largest change of y in one of them."""
+"""Factor by which a linear program may change y at most."""
 _TRIED = np.linspace(0.0, 1.0, 33)[1:]
 """Fractions of a change of y of which the fastest is taken."""
 _GAUSS = np.polynomial.legendre.leggauss(4)

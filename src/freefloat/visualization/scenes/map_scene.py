@@ -195,7 +195,7 @@ def _kept(result: MarginMap, fraction: float, samples: str) -> str:
 def heading_scene(result: HeadingMap, title: str = "freefloat") -> PageScene:
     """The scene of a map over headings, for a page with a title.
 
-    Headings are angles from the x axis. The ring of the first arm branch is the outermost.
+    The ring of the first arm branch is the outermost.
     """
     builder, root = SceneBuilder(), f"{ROOT}/{_HEADINGS}"
     circle = tube(_points(1.02, np.radians(np.arange(0.0, 361.0, 2.0))), 0.003)
@@ -249,7 +249,7 @@ def _sectors(radii: Array, headings: Array, half: float) -> Surface:
 def _heading_lines(result: HeadingMap) -> Iterator[str]:
     """Text of the scene: the percentage of feasible headings, and the best one."""
     best = result.best
-    yield "initial heading from the x axis"
+    yield f"initial heading{result.problem.plane.about}"
     yield _kept(result, result.feasible_fraction, "headings")
     if best is not None:
         measure, name = result.problem.margin.measure, result.branch_labels()[best.branch]
