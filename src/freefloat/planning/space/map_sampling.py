@@ -70,7 +70,7 @@ def attitude_map(
 ) -> AttitudeMap | HeadingMap:
     """Map the minimum margins over all initial attitudes, and search between them if asked.
 
-    For planar tasks and on a table the attitudes are headings, and nothing is searched between them.
+    For planar tasks and on a table attitudes are headings, and nothing is searched between them.
 
     Args:
         problem: The problem.
