@@ -48,6 +48,15 @@ def test_a_singular_motion_has_place_and_time() -> None:
     assert f"singular at t = {singular['time']:.4f} s, s = {singular['s']:.4f}" in text
 
 
+def test_joint_rates_next_to_a_singularity_that_the_measure_does_not_see_are_printed() -> None:
+    attitude = (0.480125681, -0.688301930, -0.523773470, 0.146222898)
+    line = "next to a singularity: joint rates of up to"
+    assert (
+        line in run("simulate", "spatial_6dof/line", "--attitude", *attitude, "--branch", 0).stdout
+    )
+    assert line not in run("simulate", *PLANAR).stdout
+
+
 def test_an_attitude_that_a_position_task_does_not_use_is_named(folder: Path) -> None:
     position = PARABOLA.replace("task: planar-pose", "task: planar-position")
     assert position != PARABOLA

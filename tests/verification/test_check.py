@@ -83,6 +83,23 @@ def test_ranges_of_headings_that_keep_limits_of_attitude_are_verified():
 
 
 @pytest.mark.slow
+def test_ranges_of_retimed_plans_end_with_the_search():
+    """They are not recomputed: the timing is of the chosen motion alone."""
+    content = ff.load_scenario("planar_2dof/arc").content
+    scenario = content.model_dump(exclude_unset=True, by_alias=True)
+    scenario["timing"]["law"] = "optimal"
+    scenario["limits"] = {"joint_rate": 0.2, "joint_acceleration": 0.1}
+    present = [0.0, 0.0, 0.54985, -0.83526]
+    scenario["search"] = {"objective": "nearest", "from_attitude": present, "within_deg": 10}
+    plan = ff.load_scenario(scenario).plan()
+    assert ff.check(plan).passed
+    first, *others = plan.ranges
+    wider = replace(first.ranges[0], high=first.ranges[0].low + 5.4)
+    forged = replace(plan, ranges=(replace(first, ranges=(wider,)), *others))
+    assert failed(forged) == {"ranges of headings"}
+
+
+@pytest.mark.slow
 def test_ranges_of_a_redundant_arm_that_few_starts_reach_are_verified():
     """The plan follows motions from heading to heading, as the check does once more."""
     start = redundant("5", ff.Task.PLANAR_POSITION, None, 1)

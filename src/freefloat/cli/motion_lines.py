@@ -84,6 +84,7 @@ def present_lines(problem: Problem, attitude: Array | None, joints: Any) -> Iter
 def motion_lines(chosen: SimulatedBranch, verbose: bool = True) -> Iterator[str]:
     """Lines on a motion: closest approach and first state; ``verbose``: last state, residuals."""
     from freefloat.dynamics.measures import measure_title
+    from freefloat.dynamics.redundancy import SINGULAR_SPEED
     from freefloat.motion.singularity import singular_event
 
     motion, closest = chosen.motion, chosen.closest_approach
@@ -106,6 +107,11 @@ def motion_lines(chosen: SimulatedBranch, verbose: bool = True) -> Iterator[str]
             f"  singular at t = {event.time:.4f} s, s = {event.s:.4f}, end-effector at ({place}) m"
         )
         yield f"  kind of singularity: {event.kind.description}"
+    elif motion.panels:
+        fastest = float(abs(motion.node_rates[..., 3:]).max())
+        if fastest * problem.path.duration > SINGULAR_SPEED:
+            rates = f"joint rates of up to {fastest:.3g} {joint_unit}/s"
+            yield f"  next to a singularity: {rates}, which limits.joint_rate can exclude"
     if not verbose:
         return
     yield f"  final attitude   x y z w  {attitude_text(final.attitude)}, t = {final.time:.4f} s"

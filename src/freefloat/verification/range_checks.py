@@ -126,14 +126,14 @@ def _heading_check(plan: Plan, evaluator: FeasibilityEvaluator) -> Check:
     """Headings just inside the ends of ranges keep the margin, those just outside do not."""
     probes = [probe for entry in plan.ranges for probe in _probes(entry)]
     for heading, branch, stated in (*probes, *_contradictions(plan, evaluator)):
-        if not plan.search.domain.contains(evaluator.problem.plane.attitudes(heading)):
+        searched = bool(plan.search.domain.contains(evaluator.problem.plane.attitudes(heading)))
+        if not searched and not stated:
             continue
-        if _is_feasible(evaluator, heading, branch) is not stated:
+        if not searched or _is_feasible(evaluator, heading, branch) is not stated:
             degrees = float(np.degrees(heading % tau))
             verb, where = ("violates", "in") if stated else ("keeps", "outside")
-            words = (
-                f"heading {degrees:.4f} deg {verb} the margin {where} a range of branch {branch}"
-            )
+            margin = "the margin" if searched else "search.within_deg"
+            words = f"heading {degrees:.4f} deg {verb} {margin} {where} a range of branch {branch}"
             return Check("ranges of headings", False, words, stated, degrees, unit="deg")
     words = f"{len(probes)} headings tested at ends and middles of ranges, and on the whole circle"
     return Check("ranges of headings", True, words)
