@@ -40,6 +40,8 @@ _BOXES, _MOST_BOXES = 2**15, 50_000_000
 """Boxes that are processed together, and the largest number of all, which takes minutes."""
 _SAMPLE = 2**13
 """Number of boxes of a coarse map from which the number of a finer one is estimated."""
+_OVERESTIMATE = 4.0
+"""Ratio of such estimates to the numbers of fine maps, in which few joints need to be cut."""
 _NODES = "joint of a cut, or 252 positive, 253 negative, 254 singular, 255 undecided"
 """Unit of nodes in files."""
 
@@ -221,8 +223,8 @@ def singularity_map(
 def _require_affordable(polynomial: JointPolynomial, resolution: float) -> None:
     """Raise an InputError if a map would take too many boxes.
 
-    They are estimated from a coarse map: those along the surface det A = 0 of c joints become
-    2^(c - 1) times as many where boxes are halved across all joints.
+    They are estimated from a coarse map: boxes along the surface det A = 0 of c joints become
+    2^(c - 1) times as many where all joints are halved.
     """
     width, count = np.pi, 1
     while count < _SAMPLE and width > 2.0 * resolution:
@@ -230,7 +232,7 @@ def _require_affordable(polynomial: JointPolynomial, resolution: float) -> None:
         count = len(_Subdivision(polynomial, width, None).nodes())
     dimension = max(len(polynomial.moving) - 1, 1)
     halvings = np.ceil(np.log2(width / resolution))
-    affordable = np.floor(np.log2(max(_MOST_BOXES / count, 1.0)) / dimension)
+    affordable = np.floor(np.log2(max(_OVERESTIMATE * _MOST_BOXES / count, 1.0)) / dimension)
     if halvings > affordable:
         finest = 1.001 * width / 2.0**affordable
         raise _too_fine(f"from {finest:.4g} rad, {np.degrees(finest):.4g} deg")
