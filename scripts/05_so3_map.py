@@ -14,8 +14,8 @@ import freefloat as ff
 SAMPLES = 512  # attitudes, evenly spread; 36,864 make a fine map
 
 problem = ff.load_scenario("spatial_6dof/line").problem()
-# With refine=True the best and the most robust attitudes between the samples are found, too.
-result = ff.attitude_map(problem, SAMPLES)
+# With refine=True regions are found, and the best and most robust attitudes between the samples.
+result = ff.attitude_map(problem, SAMPLES, refine=True)
 print(f"{result.motions:,} motions integrated")
 
 # Connected regions of feasible attitudes of each arm branch, and the attitude deepest inside.

@@ -106,13 +106,20 @@ def _yaml(value: Any) -> str:
 
 
 def _section(field: Any, definitions: Any) -> Any:
-    """The section that a field may hold: itself, in a list, or in a map; else None."""
+    """The section that a field may hold: itself, in a list, or in a map; else None.
+
+    Of several sections it has the keys of all, of which none is required.
+    """
     if "properties" in field:
         return field
     target = definitions.get(field.get("$ref", "").rpartition("/")[2])
     inner = (target, *field.get("anyOf", []), field.get("items"), field.get("additionalProperties"))
-    found = (_section(entry, definitions) for entry in inner if isinstance(entry, dict))
-    return next(filter(None, found), None)
+    entries = (_section(entry, definitions) for entry in inner if isinstance(entry, dict))
+    found = list(filter(None, entries))
+    if len(found) < 2:
+        return found[0] if found else None
+    fields = (pair for section in found for pair in section["properties"].items())
+    return found[0] | {"properties": {key: {"default": None} | field for key, field in fields}}
 
 
 def _kind(field: Any, definitions: Any) -> str:

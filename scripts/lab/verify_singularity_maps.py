@@ -20,7 +20,7 @@ from freefloat.singularities.singularity_polynomial import determinants
 MAPS = {
     "planar_2dof/line": (0.1, {}),
     "planar_3dof/parabola": (0.1, {}),
-    "spatial_6dof/line": (1.0, {}),
+    "spatial_6dof/line": (1.0, {"q4": 0.0}),
     "ets_vii/line": (15.0, {}),
     "ur5_servicer/arc": (5.0, {}),
     "panda_servicer/line": (5.0, {"panda_joint1": 0.4, "panda_joint2": -0.5, "panda_joint3": 1.0}),

@@ -38,6 +38,7 @@ def test_models_lists_everything_bundled_with_a_description() -> None:
         assert [entry["name"] for entry in groups[group]] == list(names)
         for entry in groups[group]:
             assert 20 < len(entry["description"]) < 140
+            assert entry["description"].endswith((".", "?"))
             assert Path(entry["file"]).is_file()
             assert f" {entry['name']} " in text
     assert all(entry["source"] for entry in groups["robots"])

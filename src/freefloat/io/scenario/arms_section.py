@@ -61,7 +61,7 @@ class OwnPathLaw(Section):
     """The arm follows a path of its own."""
 
     path: PathSection
-    """Path with the keys of ``path`` except samples; task and timing are the scenario's."""
+    """A path without samples; task and timing are the scenario's."""
 
 
 class ArmSection(Section):

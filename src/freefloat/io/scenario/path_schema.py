@@ -161,10 +161,10 @@ class PathSection(Section):
 
     frame: Annotated[FrameName | Name, Field(union_mode="left_to_right")] = FrameName.INERTIAL
     """Frame of all coordinates and orientations: ``inertial``, about the centre of mass;
-    ``spacecraft``, the root link; or ``base``, the link that carries the first joint. The last two
-    are those at ``search.joints`` and ``search.from_attitude`` (default: along the inertial
-    axes). Or the name of a body of the scene: path and time law are relative to it while it
-    tumbles."""
+    ``spacecraft``, the root link; ``base``, the link that carries the first joint; or the name of a
+    link of the spacecraft. The last three are those at ``search.joints`` and
+    ``search.from_attitude`` (default: along the inertial axes). Or the name of a body of the scene:
+    path and time law are relative to it while it tumbles."""
     line: LineSection | None = None
     polynomial: PolynomialSection | None = None
     arc: ArcSection | None = None

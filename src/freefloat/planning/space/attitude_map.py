@@ -31,10 +31,11 @@ class AttitudeMap(MarginMap):
     """Minimum margins over initial attitudes, arm branch by arm branch.
 
     Attributes:
-        regions: Connected parts of the feasible set, the largest first.
-        best: The attitude of the largest minimum margin; None where none is feasible.
-        robust: The attitude deepest inside the feasible set; None where none is. This and the
-            previous two are empty for a map that is not refined.
+        regions: Connected parts of the feasible set, the largest first; empty unless the map was
+            refined, ``refine=True``.
+        best: The attitude of the largest minimum margin; None where none is feasible, and unless
+            the map was refined.
+        robust: The attitude deepest inside the feasible set; None as :attr:`best` is.
         nearest_to: The attitude that :attr:`nearest` was searched for, x, y, z, w.
         nearest: The feasible attitude nearest to it; None where none is.
         boundary: Points on the boundary by bisection; None where none were asked for.
