@@ -237,6 +237,7 @@ class PathStack(TimedPath):
     @classmethod
     def of(cls, first: TimedPath, further: Mapping[str, TimedPath]) -> PathStack:
         """The paths of arms, with the path of the arm that the scenario names ``end_effector``."""
+        require_type("path.first", first, TimedPath, "a TimedPath")
         return cls(first.path, first.timing, first.drift, first=first, further=dict(further))
 
     @property

@@ -65,6 +65,7 @@ class RobotSource:
         require_type("root", self.root, str | None, "the name of a body")
         require_type("packages", self.packages, Mapping, "a map from package to folder")
         for name, folder in self.packages.items():
+            require_type(f"packages.{name}", folder, str | os.PathLike, "a folder")
             if not Path(folder).is_dir():
                 raise InputError(f"packages.{name}", f"{folder} is no folder", "an existing folder")
         require_type("arguments", self.arguments, Mapping, "a map from argument to value")

@@ -24,7 +24,7 @@ import numpy.typing as npt
 
 from freefloat.concurrency import Progress
 from freefloat.dynamics.tasks import Task, require_task
-from freefloat.errors import InputError, finite_number
+from freefloat.errors import InputError, finite_number, require_type
 from freefloat.robot.joint_values import configurations
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.singularities.global_maximum import halved, whole_joint_space
@@ -204,6 +204,7 @@ def singularity_map(
     """
     task = require_task(model, task)
     model.require_supported("maps of the joint space")
+    require_type("fixed", fixed, Mapping | None, "a map from joint to value")
     values = dict(fixed or {})
     if model.dof > len(task.rows) and model.dof - len(values) > _MOST_JOINTS:
         problem = f"its arm is redundant and {model.dof - len(values)} joints have no fixed value"
