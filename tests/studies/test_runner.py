@@ -202,10 +202,12 @@ def test_an_interruption_ends_all_processes_and_keeps_rows(finished: int, folder
     assert sorted(estimate.finished) == rows
 
 
-def test_a_robot_that_changed_since_the_start_is_exit_code_2(folder: Path) -> None:
+@pytest.mark.parametrize("absolute", [False, True])
+def test_a_robot_that_changed_since_the_start_is_exit_code_2(absolute: bool, folder: Path) -> None:
     robot = folder / "arm.urdf"
     robot.write_text((models_folder() / "planar_3dof" / "planar_3dof.urdf").read_text())
-    base = SHORT | {"robot": {"urdf": "arm.urdf", "end_effector": "end_effector"}}
+    name = str(robot) if absolute else robot.name
+    base = SHORT | {"robot": {"urdf": name, "end_effector": "end_effector"}}
     study = a_study(folder, RANDOM, base=base, cases=2)
     with open_results(folder / "out", study, study_files(study)) as database:
         database.add([0], {"verdict": ["feasible"]})
