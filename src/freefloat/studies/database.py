@@ -75,7 +75,8 @@ class StudyDatabase:
         """Numbers of runs without a whole file, of the ``count`` runs with the smallest margins."""
         from freefloat.io.verified_hdf5 import is_whole  # imports slowly
 
-        query = "SELECT number, file FROM runs WHERE margin IS NOT NULL ORDER BY margin, number"
+        order = "margin, verdict = 'feasible', number"  # runs without a margin come first
+        query = f"SELECT number, file FROM runs WHERE verdict != 'error' ORDER BY {order}"
         ranked = self.rows.query(f"{query} LIMIT {count}")
         return [number for number, file in ranked if not (file and is_whole(self.folder / file))]
 
