@@ -285,6 +285,7 @@ def test_an_estimate_times_every_step_and_writes_nothing(folder: Path) -> None:
     upright = {"heading_deg": None, "attitude": [0, -0.1736, 0, 0.9848]}
     write_study(folder, masses, base=arc, cases=20, **upright)
     assert document("batch", "study.yaml", "--dry-run")["timed"].startswith("run")
+    assert estimate_study(a_study(folder), workers=8).workers == 3
 
 
 @pytest.mark.parametrize(
@@ -303,6 +304,7 @@ def test_an_estimate_times_every_step_and_writes_nothing(folder: Path) -> None:
         (["nothing.yaml", "-o", "out"], "study"),
         (["study.yaml", "-o", "base.yaml"], "output"),
         (["study.yaml", "-o", "out", "--workers", "2", "--scheduler", "tcp://a:1"], "workers"),
+        (["study.yaml", "--dry-run", "--workers", "2", "--scheduler", "tcp://a:1"], "workers"),
         (["broken.yaml", "-o", "out"], "vary.momentun.2"),
         (["odd.yaml", "-o", "out"], "urdf"),
     ],
