@@ -116,12 +116,14 @@ def test_a_phase_that_fails_ends_with_exit_code_1(file: Path, tmp_path: Path) ->
     late = changed(file, "q2: 1.2}, duration: 30", "q2: 1.2}, duration: 1")
     found = document("plan", late, "-o", tmp_path / "late.h5", code=1)
     assert [phase["feasible"] for phase in found["phases"]] == [True] * 3 + [False]
+    assert found["duration"] == sum(phase["duration"] for phase in found["phases"])
     assert not ff.load(tmp_path / "late.h5").feasible
     assert run("check", tmp_path / "late.h5").exit_code == 1
     assert found["not_reached"] == ff.load(tmp_path / "late.h5").to_dict()["not_reached"] == ["to"]
     far = changed(file, "to: [0.5, 1.2, 0]}", "to: [5, 12, 0]}")  # no phase has a motion
     found = document("plan", far, "--plots", tmp_path / "figures", code=1)
     assert (found["feasible"], len(found["phases"])) == (False, 1)
+    assert found["duration"] == found["phases"][0]["duration"] == 0.0
     assert found["not_reached"] == ["reorientation", "capture", "goal", "to"]
 
 

@@ -42,6 +42,7 @@ MIXED: dict[str, Any] = {
     "wheels.momentum": {"list": [[0, 0, 1], [0, 0, 2], [0, 0, 3], [0, 0, float("nan")]]},
     "timing.duration": {"list": [50, 60, 70, 80]},
     "limits.base_rate": {"list": [1, 2, 3, 4]},
+    "margin": {"list": [{"measure": "arm", "value": value} for value in range(4)]},
 }
 
 
@@ -104,9 +105,9 @@ def test_tables_have_parameters_and_results_in_order(tmp_path: Path) -> None:
     study = a_study(tmp_path, MIXED, combine="zipped", start={"branch": 0})
     files = save_tables(tmp_path, finished(study, tmp_path, *RUNS))
     table = pyarrow.parquet.read_table(files["parquet"]).to_pydict()
-    assert list(table)[:9] == [
+    assert list(table)[:10] == [
         "case", "momentum", "wheels.momentum.0", "wheels.momentum.1", "wheels.momentum.2",
-        "timing.duration", "limits.base_rate", "verdict", "reason",
+        "timing.duration", "limits.base_rate", "margin.section", "verdict", "reason",
     ]  # fmt: skip
     assert table["case"] == [0, 1, 2]
     assert table["timing.duration"] == [50.0, 60.0, 70.0]

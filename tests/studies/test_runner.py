@@ -155,6 +155,18 @@ def test_no_finished_run_is_lost_or_repeated_whatever_process_is_killed(folder: 
         assert (out / "cases" / name).stat().st_mtime_ns == modified
 
 
+@pytest.mark.slow
+def test_maps_without_a_margin_are_among_the_worst(folder: Path) -> None:
+    """The path of run 1 is out of reach."""
+    vary = {"path.polynomial.x.0": {"list": [2, 9, 2.1]}}
+    keys = {"base": SHORT | {"search": {"samples": 24}}, "command": "map", "heading_deg": None}
+    run_study(a_study(folder, vary, files="worst 2", **keys), folder / "out", report=False)
+    margins = stored(folder / "out", "margin")
+    assert margins[1] == (None,)
+    assert margins[0] > margins[2]
+    assert files(folder / "out") == ["00001.h5", "00002.h5"]
+
+
 def stored(folder: Path, columns: str) -> list[Any]:
     connection = sqlite3.connect(folder / "study.sqlite", timeout=60.0)
     try:
@@ -202,10 +214,12 @@ def test_an_interruption_ends_all_processes_and_keeps_rows(finished: int, folder
     assert sorted(estimate.finished) == rows
 
 
-def test_a_robot_that_changed_since_the_start_is_exit_code_2(folder: Path) -> None:
+@pytest.mark.parametrize("absolute", [False, True])
+def test_a_robot_that_changed_since_the_start_is_exit_code_2(absolute: bool, folder: Path) -> None:
     robot = folder / "arm.urdf"
     robot.write_text((models_folder() / "planar_3dof" / "planar_3dof.urdf").read_text())
-    base = SHORT | {"robot": {"urdf": "arm.urdf", "end_effector": "end_effector"}}
+    name = str(robot) if absolute else robot.name
+    base = SHORT | {"robot": {"urdf": name, "end_effector": "end_effector"}}
     study = a_study(folder, RANDOM, base=base, cases=2)
     with open_results(folder / "out", study, study_files(study)) as database:
         database.add([0], {"verdict": ["feasible"]})
@@ -271,6 +285,7 @@ def test_an_estimate_times_every_step_and_writes_nothing(folder: Path) -> None:
     upright = {"heading_deg": None, "attitude": [0, -0.1736, 0, 0.9848]}
     write_study(folder, masses, base=arc, cases=20, **upright)
     assert document("batch", "study.yaml", "--dry-run")["timed"].startswith("run")
+    assert estimate_study(a_study(folder), workers=8).workers == 3
 
 
 @pytest.mark.parametrize(
@@ -289,6 +304,7 @@ def test_an_estimate_times_every_step_and_writes_nothing(folder: Path) -> None:
         (["nothing.yaml", "-o", "out"], "study"),
         (["study.yaml", "-o", "base.yaml"], "output"),
         (["study.yaml", "-o", "out", "--workers", "2", "--scheduler", "tcp://a:1"], "workers"),
+        (["study.yaml", "--dry-run", "--workers", "2", "--scheduler", "tcp://a:1"], "workers"),
         (["broken.yaml", "-o", "out"], "vary.momentun.2"),
         (["odd.yaml", "-o", "out"], "urdf"),
     ],

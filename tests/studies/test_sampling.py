@@ -204,3 +204,5 @@ def test_a_key_without_effect_has_no_index_and_listed_values_have_none(tmp_path:
     masses = {"robot.scale_mass.link_1": {"uniform": [0.9, 1.2]}}
     keys = {"base": SHORT, "cases": 16, "files": "none", "start": {"branch": "best"}}
     assert sensitivities(a_study(tmp_path, masses, **keys)) == []
+    masses = {"robot.scale_mass.link_1": {"uniform": [0.9, 30]}}  # many have other arm branches
+    assert sensitivities(a_study(tmp_path, masses, **keys | {"start": None})) == []

@@ -98,15 +98,15 @@ class PhaseResult:
 
     def to_dict(self) -> dict[str, Any]:
         """The phase as a JSON document."""
-        return {
+        own = {
             "name": self.name,
             "kind": self.kind,
             "start": self.start,
             "duration": self.duration,
             "feasible": self.feasible,
             "start_centre_of_mass": self.centre.tolist(),
-            **self.result.to_dict(),
         }
+        return own | self.result.to_dict() | own  # a plan's duration is the duration of its path
 
 
 def violation_of(results: Iterable[LimitResult]) -> str:

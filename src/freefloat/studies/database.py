@@ -42,7 +42,7 @@ from freefloat.studies.integrity import (
 )
 from freefloat.studies.rows import StudyRows, database_errors, quoted
 from freefloat.studies.study import Study
-from freefloat.studies.workers import Files
+from freefloat.studies.workers import Files, study_files
 
 _SOFTWARE = ("freefloat", "pin", "numpy", "scipy", "numba")
 _FORMAT = 4
@@ -75,7 +75,8 @@ class StudyDatabase:
         """Numbers of runs without a whole file, of the ``count`` runs with the smallest margins."""
         from freefloat.io.verified_hdf5 import is_whole  # imports slowly
 
-        query = "SELECT number, file FROM runs WHERE margin IS NOT NULL ORDER BY margin, number"
+        order = "margin, verdict = 'feasible', number"  # runs without a margin come first
+        query = f"SELECT number, file FROM runs WHERE verdict != 'error' ORDER BY {order}"
         ranked = self.rows.query(f"{query} LIMIT {count}")
         return [number for number, file in ranked if not (file and is_whole(self.folder / file))]
 
@@ -136,7 +137,7 @@ def open_results(
     Args:
         folder: Folder of the study.
         study: The study.
-        files: What its scenarios name.
+        files: What its scenarios name by relative paths.
         progress: Called with the fraction of the rows that are compared with their digests.
 
     Raises:
@@ -214,7 +215,9 @@ def _content(study: Study, files: Files) -> tuple[str, str]:
     content = study.content.model_dump(mode="json", by_alias=True, exclude_none=True)
     del content["base"]
     base = study.base_source.absolute().parent
-    digests = {os.path.relpath(path, base): sha256(data).hexdigest() for path, data in files}
+    named = [(os.path.relpath(path, base), data) for path, data in files]
+    named += study_files(study, absolute=True)  # which are not sent to workers
+    digests = {name: sha256(data).hexdigest() for name, data in named}
     text = json.dumps({"format": _FORMAT, "study": content, "base": study.base, "files": digests})
     return sha256(text.encode()).hexdigest(), text
 

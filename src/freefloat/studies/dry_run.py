@@ -17,7 +17,7 @@ from freefloat.studies.database import open_results
 from freefloat.studies.disturbances import FEWEST, Chunk, group_numbers, why_alone
 from freefloat.studies.folder import DATABASE
 from freefloat.studies.run import RunResult, execute
-from freefloat.studies.runner import has_undisturbed_file
+from freefloat.studies.runner import has_undisturbed_file, require_usable
 from freefloat.studies.study import Study
 from freefloat.studies.study_file import Command
 from freefloat.studies.workers import PortableStudy, study_files
@@ -107,14 +107,18 @@ def estimate_study(
         folder: Folder with finished runs.
         workers: Number of processes on this machine; default is one per core.
         scheduler: Address of a Dask scheduler whose workers are used instead.
+
+    Raises:
+        InputError: As :func:`.runner.run_study`.
     """
+    require_usable(study, workers, scheduler)
     finished, named = np.zeros(0, np.int64), 0
     if folder is not None and (Path(folder) / DATABASE).is_file():
         with open_results(Path(folder), study, study_files(study)) as database:
             finished = database.rows.column(NUMBER)
             named = len(database.rows.column(NUMBER, "WHERE file IS NOT NULL"))
     missing = np.setdiff1d(np.arange(study.count), finished)
-    count = workers or available_cores() if scheduler is None else None
+    count = min(workers or available_cores(), study.count) if scheduler is None else None
     estimate = StudyEstimate(study, frozenset(finished.tolist()), count)
     if not len(missing):
         return replace(estimate, seconds=0.0, run_seconds=0.0)

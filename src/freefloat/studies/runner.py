@@ -83,7 +83,7 @@ def run_study(
         1.0
     """
     require_type("study", study, Study, "load_study(...)")
-    _require_usable(study, workers, scheduler, until)
+    require_usable(study, workers, scheduler, until)
     folder, runs = Path(folder), runs_text(study.count)
     step = stages or (lambda name: nullcontext((name == runs and progress) or (lambda done: None)))
     begin, files = time.perf_counter(), study_files(study)
@@ -120,8 +120,8 @@ def run_study(
     return replace(result, seconds=time.perf_counter() - begin)
 
 
-def _require_usable(
-    study: Study, workers: int | None, scheduler: str | None, until: float | None
+def require_usable(
+    study: Study, workers: int | None, scheduler: str | None, until: float | None = None
 ) -> None:
     """Raise an InputError unless arguments of :func:`run_study` can be used."""
     if workers is not None and scheduler is not None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import repeat
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,8 @@ MARGIN, FEASIBILITY = "margin", "feasible"
 """Quantities that have indices."""
 _PAIRS = 2048
 """Pairs of independent draws."""
+_MODELS = 100
+"""Largest number of robots whose models are built, in some seconds."""
 _QUANTILE = 1.959963984540054
 """Quantile of the standard normal distribution, for 95 % confidence."""
 
@@ -96,7 +99,7 @@ def sensitivities(study: Study) -> list[Sensitivity]:
     The indices are computed from 2,048 pairs of draws and their mixtures, integrated beside the
     runs of the study. Motions so near to margin or limits that a precise motion would decide count
     as they are. Empty for studies that ensembles do not decide, that list values, or in which the
-    arm branches of thousands of robots would be looked for one by one; without indices of
+    arm branches of more than 100 robots would be looked for one by one; without indices of
     feasibility where limits need precise or recorded motions, and of what does not vary.
     """
     if study.variation.listed or group_numbers(study)[0] < 0:
@@ -111,9 +114,14 @@ def sensitivities(study: Study) -> list[Sensitivity]:
     if by_models and any(key.startswith("robot.") for key in keys):
         return []
     decides = not (group.others or group.recorded.names)
-    group = replace(group, recorded=group.recorded.without)
+    builds = repeat(group.robot.model_of, _MODELS)
+    robot = replace(group.robot, model_of=lambda number: next(builds)(number))
+    group = replace(group, robot=robot, recorded=group.recorded.without)
     count = (len(keys) + 2) * _PAIRS
-    numbers, motions = group.integrate(np.arange(count), available_cores())
+    try:
+        numbers, motions = group.integrate(np.arange(count), available_cores())
+    except StopIteration:  # no build is left
+        return []
     known = np.zeros(count, dtype=bool)
     known[numbers] = motions.reached & ~motions.failed
     used = known.reshape(-1, _PAIRS).all(axis=0)

@@ -29,6 +29,8 @@ from freefloat.studies.sampling import ValuesSection
 
 Values = Mapping[str, Array | list[Any]]
 """Values of runs by key: arrays of random ones, lists of listed ones."""
+_RENAMED = {"margin": "margin.section"}
+"""Columns of keys with the name of a result."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +90,7 @@ class Variation:
     @cached_property
     def _listed_columns(self) -> dict[str, dict[str, npt.NDArray[Any]]]:
         """Listed values of each key by column."""
-        return {key: by_entry(key, values) for key, values in self.listed.items()}
+        return {key: by_entry(_RENAMED.get(key, key), v) for key, v in self.listed.items()}
 
     def columns(self, first: int, count: int) -> dict[str, npt.NDArray[Any]]:
         """The values in runs ``first`` to ``first + count`` as columns of tables.

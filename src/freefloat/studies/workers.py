@@ -90,8 +90,8 @@ def _below(folder: str, path: Path) -> Path:
     return folder / path.relative_to(path.anchor)
 
 
-def study_files(study: Study) -> Files:
-    """Read the files that the scenarios of a study name by relative paths.
+def study_files(study: Study, *, absolute: bool = False) -> Files:
+    """Read the files that the scenarios of a study name by relative paths, or by absolute ones.
 
     Of robots also the files that they include, and their meshes. Results depend on them, and
     workers on other machines need them. Bundled robots and robots of example-robot-data are on
@@ -109,7 +109,7 @@ def study_files(study: Study) -> Files:
     files = set[Path]()
     for key, name, beside in names:
         path = Path(os.path.normpath(folder / name))
-        if is_file(path) and not os.path.isabs(name):
+        if is_file(path) and os.path.isabs(name) == absolute:
             files.add(path)
             if key == "urdf":
                 with suppress(InputError):  # which is an error of the runs
