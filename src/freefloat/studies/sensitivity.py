@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import repeat
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,12 +14,16 @@ from freefloat.studies.disturbances import group_numbers
 from freefloat.studies.study import Study
 from freefloat.studies.variation import Values, Variation
 
+if TYPE_CHECKING:
+    from freefloat.robot.model import FreeFloatingModel
+    from freefloat.studies.groups import Group
+
 MARGIN, FEASIBILITY = "margin", "feasible"
 """Quantities that have indices."""
 _PAIRS = 2048
 """Pairs of independent draws."""
-_MODELS = 100
-"""Largest number of robots whose models are built, in some seconds."""
+_TRIED, _MODELS = 256, 2
+"""Draws tried first, and the largest number of them of whose robots models may be built."""
 _QUANTILE = 1.959963984540054
 """Quantile of the standard normal distribution, for 95 % confidence."""
 
@@ -99,7 +102,7 @@ def sensitivities(study: Study) -> list[Sensitivity]:
     The indices are computed from 2,048 pairs of draws and their mixtures, integrated beside the
     runs of the study. Motions so near to margin or limits that a precise motion would decide count
     as they are. Empty for studies that ensembles do not decide, that list values, or in which the
-    arm branches of more than 100 robots would be looked for one by one; without indices of
+    arm branches of a hundredth of the robots would be looked for one by one; without indices of
     feasibility where limits need precise or recorded motions, and of what does not vary.
     """
     if study.variation.listed or group_numbers(study)[0] < 0:
@@ -114,14 +117,10 @@ def sensitivities(study: Study) -> list[Sensitivity]:
     if by_models and any(key.startswith("robot.") for key in keys):
         return []
     decides = not (group.others or group.recorded.names)
-    builds = repeat(group.robot.model_of, _MODELS)
-    robot = replace(group.robot, model_of=lambda number: next(builds)(number))
-    group = replace(group, robot=robot, recorded=group.recorded.without)
-    count = (len(keys) + 2) * _PAIRS
-    try:
-        numbers, motions = group.integrate(np.arange(count), available_cores())
-    except StopIteration:  # no build is left
+    group, count = replace(group, recorded=group.recorded.without), (len(keys) + 2) * _PAIRS
+    if _models_of(group, min(_TRIED, count)) > _MODELS:
         return []
+    numbers, motions = group.integrate(np.arange(count), available_cores())
     known = np.zeros(count, dtype=bool)
     known[numbers] = motions.reached & ~motions.failed
     used = known.reshape(-1, _PAIRS).all(axis=0)
@@ -137,6 +136,19 @@ def sensitivities(study: Study) -> list[Sensitivity]:
             indices = zip(keys, sobol_indices(values[0], values[1], values[2:]), strict=True)
             results += [Sensitivity(key, quantity, *pair) for key, pair in indices]
     return results
+
+
+def _models_of(group: Group, count: int) -> int:
+    """Number of models that are built to integrate the first runs of a group."""
+    built = list[int]()
+
+    def model_of(number: int) -> FreeFloatingModel:
+        built.append(number)
+        return group.robot.model_of(number)
+
+    counted = replace(group, robot=replace(group.robot, model_of=model_of))
+    counted.integrate(np.arange(count), available_cores())
+    return len(built)
 
 
 def sobol_indices(f_A: Array, f_B: Array, f_AB: Array) -> list[tuple[Estimate, Estimate]]:
