@@ -202,7 +202,8 @@ def test_nothing_moves_by_itself_where_motion_is_reduced(browser: Browser, studi
 def test_without_a_motion_no_attitude_is_marked_and_keys_do_nothing(opened: Show) -> None:
     page = opened("spatial_6dof/line")
     wait(page, "studio.ball.now")
-    page.evaluate("studio.connection.edit({ type: 'handle', handle: 0, position: [9, 0, 0] }, true)")
+    far = "{ type: 'handle', handle: 0, position: [9, 0, 0] }"
+    page.evaluate(f"studio.connection.edit({far}, true)")
     wait(page, "studio.newest && !studio.newest.about && !studio.player")
     for key in ("Space", "3", "ArrowRight"):
         page.keyboard.press(key)

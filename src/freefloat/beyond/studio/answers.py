@@ -210,9 +210,7 @@ def playback_of(
     return Playback(motion_scene({_TITLE: motion}, title, limits, violations=violations))
 
 
-def motion_answer(
-    motion: Motion, playback: Playback, title: str, outcome: str
-) -> dict[str, Any]:
+def motion_answer(motion: Motion, playback: Playback, title: str, outcome: str) -> dict[str, Any]:
     """The motion as the page plays it, with a title and its outcome."""
     return {
         **playback.parts(),
