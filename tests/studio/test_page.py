@@ -221,8 +221,10 @@ def test_the_outcome_of_an_infeasible_motion_has_its_colour(opened: Show, key: s
     assert not outcome.get_attribute("style")
     slider = page.locator(f"input[name='{key}']")
     slider.fill(str(slider.evaluate(f"row => row.{'max' if key == 'margin' else 'min'}")))
-    expect(outcome).to_have_css("color", "rgb(255, 178, 122)", timeout=60_000)
+    orange: Any = {"name": "color", "value": "rgb(255, 178, 122)", "timeout": 60_000}
+    expect(outcome).to_have_css(**orange)
     page.keyboard.press("Control+z")
+    expect(outcome).not_to_have_css(**orange)
 
 
 @pytest.mark.slow
