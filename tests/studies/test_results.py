@@ -168,6 +168,11 @@ def test_the_report_has_the_numbers_and_escapes_names(tmp_path: Path) -> None:
     headings = page.xpath("//*[@id='cases']//th//text()")
     assert headings[:5] == ["run", "verdict", "reason", "error", "minimum margin [m⁴ kg]"]
     assert "heading [deg]" not in headings  # they are equal
+    assert page.xpath("contains(string(.), 'The number of a run links to its file')")
+    alike = [FEASIBLE | {"number": number, "file": None} for number in (0, 1)]
+    text = report_of(study, tmp_path / "alike", *alike).read_text()
+    assert "links to its file" not in text
+    assert "(verdict: feasible, minimum margin" in text  # reasons are empty
 
 
 @pytest.mark.slow

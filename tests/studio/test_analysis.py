@@ -81,6 +81,15 @@ def test_the_motion_shown_keeps_the_limits() -> None:
     assert all(result["kept"] for result in results)
 
 
+def test_the_page_has_the_name_of_the_file_and_names_violated_limits() -> None:
+    studied, state = analysis("planar_2dof/line", limits={"joint_rate": 1e-3})
+    assert studied.motion(state, no_progress).content["outcome"] == "The whole path was followed."
+    studied.limits()
+    page = studied.page().content["html"]
+    assert "<title>line</title>" in page
+    assert "infeasible: violates joint_rate" in page
+
+
 @pytest.mark.slow
 def test_without_a_feasible_attitude_the_motion_that_gets_farthest_is_shown() -> None:
     margin = {"measure": "gjm", "fraction": 0.95}
@@ -88,5 +97,5 @@ def test_without_a_feasible_attitude_the_motion_that_gets_farthest_is_shown() ->
     answer = studied.next_map(no_progress)
     assert not (unpacked(answer.content["states"], "u1") == 2).any()
     motion = studied.motion(state, no_progress).content
-    assert motion["outcome"] == "The whole path was followed."
+    assert motion["outcome"].startswith("The whole path was followed below the margin: ")
     assert studied.limits().content["results"]

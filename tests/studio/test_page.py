@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 import yaml
-from playwright.sync_api import Browser, Page
+from playwright.sync_api import Browser, Page, expect
 
 import freefloat as ff
 from freefloat.planning.plan import Plan
@@ -196,6 +196,35 @@ def test_nothing_moves_by_itself_where_motion_is_reduced(browser: Browser, studi
     wait(page, f"studio.played > {choice} && Boolean(studio.player)")
     assert not page.evaluate("studio.player.playing")
     context.close()
+
+
+@pytest.mark.slow
+def test_without_a_motion_no_attitude_is_marked_and_keys_do_nothing(opened: Show) -> None:
+    page = opened("spatial_6dof/line")
+    wait(page, "studio.ball.now")
+    far = "{ type: 'handle', handle: 0, position: [9, 0, 0] }"
+    page.evaluate(f"studio.connection.edit({far}, true)")
+    wait(page, "studio.newest && !studio.newest.about && !studio.player")
+    for key in ("Space", "3", "ArrowRight"):
+        page.keyboard.press(key)
+    assert page.evaluate("studio.ball.now") is None
+    page.keyboard.press("Control+z")
+    wait(page, "Boolean(studio.player)")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("key", ["margin", "duration"])
+def test_the_outcome_of_an_infeasible_motion_has_its_colour(opened: Show, key: str) -> None:
+    page = opened("spatial_6dof/above")
+    outcome = page.locator("#outcome")
+    wait(page, "studio.plot.marks.length && !studio.busy")
+    assert not outcome.get_attribute("style")
+    slider = page.locator(f"input[name='{key}']")
+    slider.fill(str(slider.evaluate(f"row => row.{'max' if key == 'margin' else 'min'}")))
+    orange: Any = {"name": "color", "value": "rgb(255, 178, 122)", "timeout": 60_000}
+    expect(outcome).to_have_css(**orange)
+    page.keyboard.press("Control+z")
+    expect(outcome).not_to_have_css(**orange)
 
 
 @pytest.mark.slow

@@ -36,6 +36,17 @@ def shown(problem):
 
 
 @pytest.mark.slow
+def test_the_label_of_the_colours_is_on_the_page(shown):
+    result, slices, _, _ = shown
+    figure = slices_figure(result, slices[:3])
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    box = figure.axes[-1].yaxis.label.get_window_extent()
+    assert min(box.x0, box.y0) >= 0.0
+    assert box.y1 <= figure.bbox.height
+
+
+@pytest.mark.slow
 def test_colours_are_the_margins_of_feasible_motions(shown):
     """Pixels at samples: the colour of the margin, grey below it, white or hatched elsewhere."""
     _, slices, figure, _ = shown

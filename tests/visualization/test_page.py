@@ -184,6 +184,19 @@ def test_the_plot_seeks_keys_turn_the_view_and_joints_are_those_of_the_plan(
 
 
 @pytest.mark.slow
+def test_the_verdict_on_a_motion_below_the_margin_is_not_that_of_a_feasible_one(
+    browser: Browser, tmp_path: Path
+) -> None:
+    problem = ff.load_scenario("planar_3dof/parabola_nonstop").problem()
+    motion = ff.simulate(problem, heading=np.radians(55.0), branch=1).chosen.motion
+    with opened(browser, ff.playback(motion).save(tmp_path / "page.html")) as page:
+        page.ask("freefloat.seek(Infinity)")
+        expect(page.page.locator("#states h2")).to_contain_text("falls below the margin")
+        verdict = page.page.get_by_text("The whole path was followed.")
+        expect(verdict).to_have_css("color", "rgb(255, 178, 122)")
+
+
+@pytest.mark.slow
 def test_a_page_shows_a_map(browser: Browser, spatial: ff.Problem, tmp_path: Path) -> None:
     result = sample_attitudes(FeasibilityEvaluator(spatial), 256)
     file = ff.playback(result).save(tmp_path / "map.html")

@@ -53,6 +53,36 @@ def test_runs_of_which_none_has_a_margin_have_a_figure() -> None:
     figure = study_figure(table, {"timing.duration": "T [s]"})
     assert not figure.axes[0].patches
     assert len(figure.axes[2].lines[0].get_ydata()) == 3
+    low, high = figure.axes[2].get_ylim()
+    assert -low > 0.1 * high  # the marks, which are at zero, are not cut
+
+
+def test_one_run_is_drawn_with_its_margin() -> None:
+    table = {name: values[:1] for name, values in TABLE.items()}
+    figure = study_figure(table, {"timing.duration": "T [s]"})
+    assert figure.axes[1].lines[0].get_marker() == "o"
+    assert "margin 5" in [text.get_text() for text in figure.legends[0].get_texts()]
+
+
+def test_no_bar_is_partly_below_the_margin() -> None:
+    """Also where motions touch the margin up to rounding, or all have the same."""
+    for margins in ([5.0 - 4e-6, 4.9, 8.3, 2.2, 7.7], [7.5, 7.5 + 1e-15], [2.5], [0.0, 0.0]):
+        count, margin = len(margins), np.array(margins)
+        verdicts = np.where(margin > 4.99, "feasible", "infeasible").astype(object)
+        table = {"verdict": verdicts, "margin": margin, "margin_required": np.full(count, 5.0),
+                 "measure": np.full(count, "arm")}  # fmt: skip
+        bars = [bar for bar in study_figure(table, {}).axes[0].patches if bar.get_height() > 0]
+        assert sum(bar.get_height() for bar in bars) == count
+        for bar in bars:
+            low, high = bar.get_x(), bar.get_x() + bar.get_width()
+            assert high < 5.0 + 1e-9 or low > 5.0 - 1e-5
+
+
+def test_labels_are_cut_between_words() -> None:
+    names = {"a": "limits.joint_rate [rad/s]", "b": "x" * 20 + ".joint_rate [rad/s]", "c": "c"}
+    table = TABLE | dict.fromkeys(names, TABLE["timing.duration"])
+    labels = [axes.get_xlabel() for axes in study_figure(table, names).axes[2:]]
+    assert labels == [names["a"], "…joint_rate [rad/s]", "c"]
 
 
 def test_what_limits_the_runs_is_drawn_where_it_is_not_the_margin() -> None:

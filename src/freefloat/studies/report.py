@@ -137,9 +137,11 @@ def _listed(result: StudyResult, names: Mapping[str, str]) -> dict[str, Any]:
     without_error = result.done - result.verdicts[ERROR]
     for place, (name, words) in enumerate(names.items()):
         count, least, most = numbers[3 * place : 3 * place + 3]
+        if not count or most == "":
+            continue
         if count >= max(2, without_error) and least == most:
             equal.append(f"{words}: {_cell(least)}")
-        elif count and (least, most) != ("", ""):
+        else:
             headings[name] = words
     if "limiting" in headings:
         headings.pop("reason", None)

@@ -16,6 +16,7 @@ from typing import Any, ParamSpec, TypeVar
 
 import matplotlib
 import numpy as np
+import numpy.typing as npt
 from matplotlib.figure import Figure
 from matplotlib.rcsetup import cycler
 
@@ -140,6 +141,16 @@ def _raised(unit: str) -> str:
 def digits(value: float) -> str:
     """A number with four digits and a typographic minus sign; below 1e-12 it is zero."""
     return f"{0.0 if abs(value) < 1e-12 else value:.4g}".replace("-", "\N{MINUS SIGN}")
+
+
+def edges_beside(bound: float, values: npt.ArrayLike, count: int) -> Array:
+    """Edges of about ``count`` bars of values, 0 or more; no bar is partly below the bound."""
+    lowest, highest = np.min(values), np.max(values)
+    width = (highest - lowest) / count
+    if width <= 1e-9 * highest:  # they are equal but for rounding
+        width = highest / count or 1.0
+    first, last = (lowest - bound) / width - 1e-3, (highest - bound) / width + 1e-3
+    return np.unique(np.maximum(bound + width * np.arange(np.floor(first), last + 1.0), 0.0))
 
 
 def strokes(count: int) -> Any:

@@ -64,7 +64,7 @@ def slices_figure(result: AttitudeMap, slices: Sequence[Slice]) -> Figure:
         bar = figure.colorbar(
             ScalarMappable(norm, _SHADES), ax=panels.tolist(), shrink=0.9, aspect=30.0, pad=0.02
         )
-        bar.set_label(_label(result, f" of the best {'start' if redundant else 'arm branch'}"))
+        bar.set_label(_label(result, f"\nof the best {'start' if redundant else 'arm branch'}"))
         bar.ax.spines["outline"].set_linewidth(0.6)
     marks = {str(line.get_label()): line for axes in panels for line in axes.get_lines()}
     handles = [*marks.values(), *_patches(result, slices)]
@@ -166,8 +166,7 @@ def histogram_figure(result: AttitudeMap) -> Figure:
         figure.suptitle(f":\nthe {shown} with most feasible attitudes")
     highest = max((float(values.max()) for _, values in groups), default=0.0)
     highest = highest if highest > 0.0 else 1.0
-    beside = margin.threshold + highest / _BINS * np.arange(-_BINS, _BINS + 1)
-    edges = np.unique(np.clip(beside, 0.0, highest))  # no bar is partly below the margin
+    edges = style.edges_beside(margin.threshold, [0.0, highest], _BINS)
     handles: dict[str, Any] = {}
     for axes, title, (_, values) in zip(panels, titles, groups, strict=False):
         _draw_bars(axes, values, edges, margin.threshold)

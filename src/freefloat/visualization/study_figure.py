@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping
 from typing import Any
 
@@ -13,6 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from freefloat.dynamics.measures import measure_title
+from freefloat.motion.margin import ROUNDING
 from freefloat.so3 import Array
 from freefloat.statistics import confidence_interval
 from freefloat.visualization import figure_style as style
@@ -41,8 +43,8 @@ _PALEST = 0.5
 """Number of runs in a cell that would be white."""
 _ESTIMATES = 200
 """Points of the running estimate."""
-_LABEL_LENGTH = 28
-"""Characters that fit under a panel."""
+_LABEL_LENGTH, _NAME_LENGTH = 100, 28
+"""Characters of labels that fit under all panels of a line, and of a name under a panel."""
 
 Column = npt.NDArray[Any]
 
@@ -98,18 +100,19 @@ def study_figure(
         if ratios is not None:
             quantity, unit, required, label = "largest ratio", "1", np.ones(1), "limit"
     else:
-        _draw_histogram(histogram, table["margin"], verdicts)
+        _draw_histogram(histogram, table["margin"], verdicts, *required if label else ())
         histogram.set_xlabel(style.axis_label(quantity, unit))
+    dashed: Any = {"color": style.GREY, "linestyle": "--", "linewidth": 0.8}
     if label and not limited:
-        histogram.axvline(*required, color=style.GREY, linestyle="--", linewidth=0.8)
-    highest = drawn.max(initial=1e-9)
+        histogram.axvline(*required, label=None if panels else label, **dashed)
+    highest = drawn.max(initial=0.0) or 1.0
     lowest = min(drawn.min(initial=np.inf), highest, *(required if label else ()))
     densities = []
     for place, (axes, key) in enumerate(zip(panels, varied, strict=True)):
         densities += _panel(axes, table[key], drawn, verdicts)
-        axes.set_xlabel(_short(parameters[key]))
+        axes.set_xlabel(_short(parameters[key], _LABEL_LENGTH // across))
         if label:
-            axes.axhline(*required, color=style.GREY, linestyle="--", linewidth=0.8, label=label)
+            axes.axhline(*required, label=label, **dashed)
         axes.set_ylim(bottom=lowest - 0.05 * (highest - lowest or highest))
         if place % across == 0:
             label_size = 7.0  # not taller than the panel
@@ -139,7 +142,7 @@ def _effect(values: Column, drawn: Array) -> float:
     return float(np.var([part.mean() for part in parts if len(part)]))
 
 
-def _draw_histogram(axes: Any, margins: Array, verdicts: Column) -> None:
+def _draw_histogram(axes: Any, margins: Array, verdicts: Column, required: float = 0.0) -> None:
     """Draw how many runs have which margin, by verdict."""
     known = ~np.isnan(margins)
     parts = {verdict: margins[known & (verdicts == verdict)] for verdict in _MARKS}
@@ -148,8 +151,9 @@ def _draw_histogram(axes: Any, margins: Array, verdicts: Column) -> None:
     axes.xaxis.set_major_locator(MaxNLocator(5))
     if not parts:
         return
+    edges = style.edges_beside(required * (1.0 - ROUNDING), margins[known], _BINS)
     axes.hist(
-        [*parts.values()], _BINS, stacked=True, color=[_MARKS[verdict][1] for verdict in parts],
+        [*parts.values()], edges, stacked=True, color=[_MARKS[verdict][1] for verdict in parts],
         label=[f"{verdict} ({len(part):,})" for verdict, part in parts.items()],
     )  # fmt: skip
 
@@ -205,9 +209,10 @@ def _draw_estimate(axes: Any, verdicts: Column) -> None:
     low, high = np.transpose(
         [confidence_interval(int(k), int(n)) for k, n in zip(feasible_counts, counts, strict=True)]
     )
-    axes.plot(counts, feasible_counts / counts, color=style.BLUE)
-    label = "95 % confidence interval"
-    axes.fill_between(counts, low, high, color=style.BLUE, alpha=0.2, linewidth=0.0, label=label)
+    alone = len(counts) == 1
+    axes.plot(counts, feasible_counts / counts, "o" if alone else "-", color=style.BLUE)
+    look: Any = {"color": style.BLUE, "alpha": 0.2, "label": "95 % confidence interval"}
+    axes.fill_between(counts, low, high, linewidth=3.0 * alone, **look)
     axes.set_xscale("log")
     axes.legend(loc="best")
 
@@ -217,13 +222,12 @@ def _places(values: Column) -> tuple[Array, list[str] | None]:
     if values.dtype != object:
         return np.asarray(values, dtype=float), None
     names, places = np.unique(values, return_inverse=True)
-    return places.astype(float), [_short(str(name)) for name in names]
+    return places.astype(float), [_short(str(name), _NAME_LENGTH) for name in names]
 
 
-def _short(text: str) -> str:
-    """Shorten a long text to its end and escape its dollar signs."""
-    if len(text) > _LABEL_LENGTH:
-        text = text.removeprefix("robot.")
-    if len(text) > _LABEL_LENGTH:
-        text = "\N{HORIZONTAL ELLIPSIS}" + text[1 - _LABEL_LENGTH :]
+def _short(text: str, length: int) -> str:
+    """Shorten a long text to its last words and escape its dollar signs."""
+    if len(text) > length:
+        words = re.sub(r"^[^ .[]*[ .](?!\[)", "", text[1 - length :])
+        text = f"\N{HORIZONTAL ELLIPSIS}{words}"
     return text.replace("$", r"\$")

@@ -14,7 +14,6 @@ from freefloat.beyond.studio.answers import (
     best_motion,
     best_sample,
     dial,
-    limits_answer,
     motion_within_limits,
     place,
 )
@@ -129,14 +128,17 @@ class PathAnalysis(Analysis):
         if self._motion is None:
             outcome = "no arm configuration reaches the start of the path from this attitude"
             return self._show(state, None, self._problem, chosen, "", outcome)
-        motion, title = self._motion.motion, self._motion.title
-        return self._show(state, motion, self._problem, chosen, title, None)
+        motion, verdict = self._motion.motion, self._motion.verdict()
+        outcome = motion.outcome
+        if motion.completed and not verdict.feasible:
+            outcome = f"{outcome.rstrip('.')} below the margin: {verdict}."
+        return self._show(state, motion, self._problem, chosen, self._motion.title, outcome)
 
     def limits(self) -> WorkerAnswer:
         """The limits along the motion shown."""
         self._unchecked = False
         results = () if self._motion is None else check_limits(self._motion.motion, self._limits)
-        return WorkerAnswer("limits", {"results": limits_answer(results)})
+        return self._show_limits(results)
 
     def save(self, file: Path, attitude: Attitude) -> WorkerAnswer:
         """Plan from the attitude, or from the nearest feasible one, and save the plan.
@@ -181,7 +183,7 @@ class GoalAnalysis(Analysis):
             return self._move(state, progress)
         if self._unchecked:
             self._unchecked = False
-            return WorkerAnswer("limits", {"results": limits_answer(self._found.limit_results)})
+            return self._show_limits(self._found.limit_results)
         return None
 
     def further(self, progress: Progress) -> WorkerAnswer | None:

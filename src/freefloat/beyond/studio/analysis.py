@@ -3,22 +3,23 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from freefloat.beyond.studio.answers import motion_answer, place, playback_of
+from freefloat.beyond.studio.answers import limits_answer, motion_answer, place, playback_of
 from freefloat.beyond.studio.messages import WorkerAnswer, WorkerState
 from freefloat.concurrency import Progress
 from freefloat.dynamics.joint_space import largest_measure
 from freefloat.io.results import save
 from freefloat.io.scenario.scenario import Scenario
+from freefloat.limits.result import LimitResult
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
 from freefloat.motion.setting import Setting
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array
-from freefloat.visualization.page.playback import Playback
 
 Attitude = tuple[float, ...] | None
 _KNOWN = 8
@@ -36,7 +37,8 @@ class Analysis(ABC):
         """
         self._scenario, self._text, self._source = scenario, state.text, state.source
         self._search, self._limits = scenario.search(), scenario.limits()
-        self._playback: Playback | None = None
+        self._moving: Motion | None = None
+        self._results: Sequence[LimitResult] = ()
         self._shown: tuple[Attitude, int] | None = None
 
     def poses(self, state: WorkerState) -> bool:
@@ -66,23 +68,29 @@ class Analysis(ABC):
 
     def page(self) -> WorkerAnswer:
         """The page that plays the motion shown."""
-        if self._playback is None:
+        if self._moving is None:
             return WorkerAnswer("page", {"refused": "there is no motion"})
-        return WorkerAnswer("page", {"html": self._playback.html()})
+        playback = playback_of(self._moving, self._limits, self._source.stem, self._results)
+        return WorkerAnswer("page", {"html": playback.html()})
 
     def _show(
         self, state: WorkerState, motion: Motion | None, setting: Setting, attitude: Array,
-        title: str, outcome: str | None,
+        title: str, outcome: str,
     ) -> WorkerAnswer:  # fmt: skip
         """Show a motion with a title and its outcome; without one the attitude and why."""
         self._shown = state.attitude, state.choice
+        self._moving, self._results = motion, ()
         if motion is None:
-            self._playback = None
             content = {"outcome": outcome, **place(setting, attitude)}
         else:
-            self._playback = playback_of(motion, self._limits)
-            content = motion_answer(motion, self._playback, title, outcome)
+            playback = playback_of(motion, self._limits, self._source.stem)
+            content = motion_answer(motion, playback, title, outcome)
         return WorkerAnswer("motion", {**content, "choice": state.choice})
+
+    def _show_limits(self, results: Sequence[LimitResult]) -> WorkerAnswer:
+        """Show the limits along the motion shown."""
+        self._results = results
+        return WorkerAnswer("limits", {"results": limits_answer(results)})
 
     def _saved(self, result: Any, file: Path) -> WorkerAnswer:
         """Save a result, unless it is infeasible, to a file that does not exist yet."""

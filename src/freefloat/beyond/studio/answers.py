@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -18,6 +18,7 @@ from freefloat.limits.result import LimitResult
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
 from freefloat.motion.setting import Setting
+from freefloat.planning.answer import violation_of
 from freefloat.planning.limits.trials import Trials, screen
 from freefloat.planning.margin_map import HeadingMap
 from freefloat.planning.motions import SimulatedBranch, integrate_branch
@@ -201,20 +202,21 @@ def motion_within_limits(
     return None
 
 
-def playback_of(motion: Motion, limits: Limits) -> Playback:
-    """The playback of a motion with its cones."""
-    return Playback(motion_scene({_TITLE: motion}, limits=limits))
+def playback_of(
+    motion: Motion, limits: Limits, title: str, results: Sequence[LimitResult] = ()
+) -> Playback:
+    """The playback of a motion with its cones, a title, and the limits that it violates."""
+    violations = {_TITLE: violation_of(results)}
+    return Playback(motion_scene({_TITLE: motion}, title, limits, violations=violations))
 
 
-def motion_answer(
-    motion: Motion, playback: Playback, title: str, outcome: str | None = None
-) -> dict[str, Any]:
-    """The motion as the page plays it, with a title and its outcome, by default its ending."""
+def motion_answer(motion: Motion, playback: Playback, title: str, outcome: str) -> dict[str, Any]:
+    """The motion as the page plays it, with a title and its outcome."""
     return {
         **playback.parts(),
         **place(motion.setting, motion.initial.attitude),
         "title": title,
-        "outcome": outcome or motion.outcome,
+        "outcome": outcome,
     }
 
 
@@ -228,7 +230,7 @@ def place(setting: Setting, attitude: Array) -> dict[str, Any]:
     }
 
 
-def limits_answer(results: tuple[LimitResult, ...]) -> list[dict[str, Any]]:
+def limits_answer(results: Iterable[LimitResult]) -> list[dict[str, Any]]:
     """Limits along the motion, a line each."""
     return [
         {"limit": result.label, "kept": result.kept, "time": result.time,

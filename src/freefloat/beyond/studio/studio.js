@@ -212,6 +212,7 @@ class Studio {
     element("outcome").textContent = [motion.title, motion.outcome].filter(text => text).join(": ");
     this.ball.mark = motion.rotation_vector;
     this.dial.mark = motion.heading_deg;
+    this.ball.now = this.dial.now = null;
     if (this.set) (this.set.kind === "dial" ? this.dial : this.ball).draw();
     about = motion.about || null;
     if (about) {
@@ -263,6 +264,7 @@ class Studio {
     viewer.render();
     this.handles.place();
     if (player) this.panels.update(); // labels stand beside handles
+    element("outcome").style.color = !player || keeps(player.shown[0], this.plot.marks) ? "" : verdictColour(false);
     this.markAttitude();
   }
 }

@@ -99,7 +99,7 @@ class Panels {
 
   key(event) {
     const { player } = this, { tagName, id } = event.target;
-    if (event.ctrlKey || event.metaKey || event.altKey) return;
+    if (!about || event.ctrlKey || event.metaKey || event.altKey) return; // the studio may have no motion
     if (["INPUT", "SELECT", "BUTTON", "SUMMARY"].includes(tagName) && id !== "time" && event.key === " ") return;
     const step = about.duration / 100;
     const jumps = { ArrowLeft: player.time - step, ArrowRight: player.time + step, Home: 0, End: about.duration };
@@ -134,7 +134,7 @@ class Panels {
     const section = document.createElement("section"), several = this.player.shown.length > 1;
     section.append(textElement("h2", sentence(scene) || scene.title, several ? curveColour(this.player, scene) : ""));
     if (scene.trail && (scene.title !== "motion" || several)) section.append(textElement("small", named(scene.title)));
-    for (const line of this.player.lines(scene)) section.append(textElement("p", plainLine(line), lineColour(line)));
+    for (const line of this.player.lines(scene, this.plot.marks)) section.append(textElement("p", plainLine(line), lineColour(line)));
     return section;
   }
 

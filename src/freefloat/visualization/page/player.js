@@ -119,8 +119,8 @@ class Player {
     if (this.time >= about.duration) this.pause();
   }
 
-  // Text of a scene at the current time.
-  lines(scene) {
+  // Text of a scene at the current time; the limits are those that the scene does not know.
+  lines(scene, limits) {
     if (!scene.trail) return scene.lines || [];
     const { times, values, fractions } = scene.trail, { measure } = about.scale;
     const ended = this.time >= scene.end;
@@ -132,6 +132,6 @@ class Player {
       `|${measure}| = ${shortened(value)}` + (scene.margin > 0 ? `, margin ${shortened(scene.margin)}` : ""),
       ...scene.lines.map(warning => ({ verdict: warning, feasible: false })),
     ];
-    return ended ? [...lines, { verdict: scene.verdict, feasible: scene.ending === "completed" && !scene.lines.length }] : lines;
+    return ended ? [...lines, { verdict: scene.verdict, feasible: keeps(scene, limits) }] : lines;
   }
 }

@@ -27,15 +27,26 @@ function shortened(value) {
   return size !== 0 && (size < 1e-3 || size >= 1e5) ? value.toExponential(2) : String(+value.toPrecision(4));
 }
 
+// A margin is kept up to rounding; see keeps_threshold in margin.py.
+function above(value, margin) { return value >= margin * (1 - 1e-6); }
+
+function keepsMargin({ trail, margin }) { return above(Math.min(...trail.values), margin); }
+
+// Whether a motion completes, and keeps its margin and all limits.
+function keeps(scene, limits) {
+  return scene.ending === "completed" && keepsMargin(scene) && !scene.lines.length && limits.every(({ kept }) => kept);
+}
+
 // What a motion does; empty for maps.
-function sentence({ trail, ending, begin, end, margin, lines }) {
+function sentence(scene) {
+  const { trail, ending, begin, end, margin, lines } = scene;
   const lasted = `${+(end - begin).toPrecision(4)}\u00a0s`;
   if (!trail) return "";
   if (ending === "singular") return `The arm becomes singular after ${lasted} and cannot follow its path further.`;
   if (ending === "margin") return `The arm has used up its margin after ${lasted}, before the end of its path.`;
   const moves = trail.joints.some(([, , values]) => values.some(value => value !== values[0]));
   const does = trail.fractions ? "The end-effector follows its path" : moves ? "The arm moves" : "The arm rests";
-  const kept = margin > 0 ? Math.min(...trail.values) >= margin * (1 - 1e-6) ? " and keeps the margin" : " but falls below the margin" : "";
+  const kept = margin > 0 ? keepsMargin(scene) ? " and keeps the margin" : " but falls below the margin" : "";
   const violated = lines.some(line => line.startsWith("infeasible")) ? `${kept && ","} but not all limits` : "";
   return `${does} for ${lasted}${kept}${violated}.`;
 }
@@ -68,5 +79,4 @@ function printed(unit) {
 
 function unit() { return printed(about.scale.unit); }
 
-// The margin is kept up to rounding; see keeps_threshold in margin.py.
-function feasible(value) { return value > 0 && value >= about.scale.margin * (1 - 1e-6); }
+function feasible(value) { return value > 0 && above(value, about.scale.margin); }
