@@ -26,6 +26,8 @@ IntArray = npt.NDArray[np.int64]
 BoolArray = npt.NDArray[np.bool_]
 
 _ORTHOGONALITY = 1e-6  # largest deviation of the products of a rotation's columns
+NORM_ERROR = 0.01
+"""Deviation of a quaternion's norm from one that is accepted."""
 
 
 def frozen(values: npt.ArrayLike) -> Array:
@@ -135,7 +137,7 @@ def unit_quaternion(key: str, values: npt.ArrayLike) -> Array:
     quaternion = finite_vector(key, values, 4)
     with np.errstate(over="ignore"):  # an infinite norm is refused, too
         norm = float(np.linalg.norm(quaternion))
-    if abs(norm - 1.0) > 0.01:
+    if abs(norm - 1.0) > NORM_ERROR:
         raise InputError(key, f"norm {norm:.4g} was given", "a unit quaternion x, y, z, w")
     return quaternion / norm
 

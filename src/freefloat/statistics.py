@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 _CONFIDENCE = 0.95
-_QUANTILE = 1.959963984540054
-"""Quantile of the standard normal distribution, two-sided."""
+QUANTILE = 1.959963984540054
+"""Quantile of the standard normal distribution, for 95 % confidence, two-sided."""
 
 
 def confidence_interval(count: int, total: int) -> tuple[float, float]:
@@ -18,7 +18,7 @@ def confidence_interval(count: int, total: int) -> tuple[float, float]:
         count: Number of random samples with a property.
         total: Number of all samples, at least one.
     """
-    z2 = _QUANTILE**2
+    z2 = QUANTILE**2
     centre = (count + z2 / 2.0) / (total + z2)
     half = math.sqrt(z2 * (count * (total - count) / total + z2 / 4.0)) / (total + z2)
     low = 0.0 if count == 0 else centre - half

@@ -22,7 +22,7 @@ from freefloat.errors import (
 )
 from freefloat.so3 import Array, IntArray
 
-_SHORTEST = 1e-6
+SHORTEST = 1e-6
 """Shortest accepted duration [s]."""
 _LENGTH = 1e-9
 """Deviation of the last s from 1."""
@@ -74,8 +74,8 @@ class TimeLaw(StrEnum):
 
 def positive_duration(key: str, value: float) -> float:
     """A duration [s]; an InputError that names ``key`` for one that is too short or too long."""
-    accepted = f"a positive number, {_SHORTEST:g} to {LARGEST_NUMBER:g} s"
-    return finite_number(key, value, accepted, _SHORTEST, LARGEST_NUMBER)
+    accepted = f"a positive number, {SHORTEST:g} to {LARGEST_NUMBER:g} s"
+    return finite_number(key, value, accepted, SHORTEST, LARGEST_NUMBER)
 
 
 @dataclass(frozen=True)

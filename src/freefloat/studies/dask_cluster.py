@@ -9,7 +9,7 @@ from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import CancelledError, ThreadPoolExecutor
 from contextlib import contextmanager
 from importlib.metadata import PackageNotFoundError, version
-from typing import Any, TypeVar
+from typing import Any
 
 from distributed import Client, KilledWorker, Security, as_completed, get_worker
 from distributed.comm.addressing import get_address_host_port
@@ -19,12 +19,10 @@ from freefloat.errors import InputError
 from freefloat.studies.columns import Columns
 from freefloat.studies.disturbances import Chunk
 from freefloat.studies.ensembles import computed
-from freefloat.studies.workers import PortableStudy
+from freefloat.studies.workers import PortableStudy, Result, Task
 
 _TIMEOUT = 10.0
 """Time to wait for a scheduler and its first worker [s]."""
-Task = TypeVar("Task")
-Result = TypeVar("Result")
 
 
 def completed_by_scheduler(

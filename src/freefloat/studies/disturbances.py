@@ -9,12 +9,14 @@ from typing import Any
 
 import numpy as np
 
+from freefloat.errors import LARGEST_NUMBER
 from freefloat.io.scenario.path_schema import FrameName
 from freefloat.io.scenario.scenario import Scenario
 from freefloat.motion.pointing import Keep, PointingLimit
 from freefloat.motion.problem import Problem
+from freefloat.paths.timing import SHORTEST
 from freefloat.rotations import rotation_matrix
-from freefloat.so3 import Array, BoolArray, IntArray
+from freefloat.so3 import NORM_ERROR, Array, BoolArray, IntArray
 from freefloat.studies.columns import NUMBER, Columns, as_numbers
 from freefloat.studies.study import Study
 from freefloat.studies.study_file import START_KEYS, Command
@@ -36,10 +38,6 @@ NUMBERS = {"timing.duration": "durations", "margin.value": "thresholds"}
 """Scenario keys of numbers, and what they are in ensembles."""
 FEWEST = 16
 """Fewer runs are not worth an ensemble."""
-_LARGEST, _SHORTEST = 1e9, 1e-6
-"""Largest number, and shortest duration [s], of scenario files."""
-_UNIT = 1e-2
-"""Deviation of a quaternion's norm from one that scenarios accept."""
 _LEVEL = 1e-9
 """Components x, y of the quaternions of planar attitudes."""
 
@@ -198,7 +196,7 @@ def are_lines(offsets: Array, problem: Problem) -> BoolArray:
     path = problem.path.path.curve
     chords = path(1.0) - path(0.0) + offsets[:, 1] - offsets[:, 0]
     with np.errstate(invalid="ignore"):
-        lines = (np.abs(offsets) <= _LARGEST).all(axis=(1, 2)) & chords.any(axis=1)
+        lines = (np.abs(offsets) <= LARGEST_NUMBER).all(axis=(1, 2)) & chords.any(axis=1)
         if problem.task.planar:
             lines &= (problem.plane.seen(np.nan_to_num(offsets))[..., 2] == 0.0).all(axis=1)
     return np.asarray(lines)
@@ -211,16 +209,16 @@ def _attitudes(key: str, column: Array | Sequence[Any], problem: Problem) -> Arr
     quaternions = as_numbers(column, (4,))
     norms = np.linalg.norm(quaternions, axis=1, keepdims=True)
     with np.errstate(invalid="ignore", divide="ignore"):
-        return np.asarray(np.where(np.abs(norms - 1.0) <= _UNIT, quaternions / norms, np.nan))
+        return np.asarray(np.where(np.abs(norms - 1.0) <= NORM_ERROR, quaternions / norms, np.nan))
 
 
 def _accepted(name: str, array: Array, problem: Problem) -> BoolArray:
     """Which runs have values of an argument that an ensemble accepts."""
     rows = array.reshape(len(array), -1)
     with np.errstate(invalid="ignore"):
-        accepted = (np.abs(rows) <= _LARGEST).all(axis=1)
+        accepted = (np.abs(rows) <= LARGEST_NUMBER).all(axis=1)
         if name == "durations":
-            accepted &= rows[:, 0] >= _SHORTEST
+            accepted &= rows[:, 0] >= SHORTEST
         elif name == "scale_mass":
             accepted &= (rows[:, 0] >= MASS_FACTORS[0]) & (rows[:, 0] <= MASS_FACTORS[1])
         elif name == "thresholds":
@@ -245,7 +243,7 @@ def bound_ratios(
     ratios, fits = dict[str, Array](), np.ones(count, dtype=bool)
     for key, value in nominal.items():
         bounds = as_numbers(values[key], ())
-        most = 180.0 if key.endswith("_deg") else 1.0 if key == FRACTION else _LARGEST
+        most = 180.0 if key.endswith("_deg") else 1.0 if key == FRACTION else LARGEST_NUMBER
         with np.errstate(invalid="ignore", divide="ignore"):
             fits &= (bounds > 0.0) & (bounds < most) & (value > 0.0)
             ratios[key] = value / bounds

@@ -10,6 +10,7 @@ import numpy as np
 
 from freefloat.concurrency import available_cores
 from freefloat.so3 import Array
+from freefloat.statistics import QUANTILE
 from freefloat.studies.disturbances import group_numbers
 from freefloat.studies.study import Study
 from freefloat.studies.variation import Values, Variation
@@ -24,8 +25,6 @@ _PAIRS = 2048
 """Pairs of independent draws."""
 _TRIED, _MODELS = 256, 2
 """Draws tried first, and the largest number of them of whose robots models may be built."""
-_QUANTILE = 1.959963984540054
-"""Quantile of the standard normal distribution, for 95 % confidence."""
 
 
 @dataclass(frozen=True)
@@ -176,4 +175,4 @@ def _ratio(numerators: Array, denominators: Array) -> Estimate:
     mean = denominators.mean()
     value = numerators.mean() / mean
     error = np.std(numerators - value * denominators) / (mean * np.sqrt(len(numerators)))
-    return Estimate(*map(float, (value, value - _QUANTILE * error, value + _QUANTILE * error)))
+    return Estimate(*map(float, (value, value - QUANTILE * error, value + QUANTILE * error)))

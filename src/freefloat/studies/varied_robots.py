@@ -11,6 +11,7 @@ import numpy as np
 
 from freefloat.dynamics.denavit_hartenberg import inertial_row
 from freefloat.ensemble.robots import Robots
+from freefloat.errors import LARGEST_NUMBER
 from freefloat.io.scenario.robot_section import RobotSection
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.rotations import Rotation
@@ -27,7 +28,6 @@ _FIELD = re.compile(
 """Keys of parts that may differ between the robots of an ensemble; of vectors entries, too."""
 INERTIA = "inertia"
 """Last word of the keys of inertias."""
-_LARGEST = 1e9
 _TRIANGLE = 1e-9
 
 
@@ -209,10 +209,10 @@ def _is_accepted(key: str, array: Array) -> BoolArray:
     """Which values of a field scenarios accept, shape (K,)."""
     name = key.rpartition(".")[2]
     if name == "mass":
-        return _within(array, float(np.finfo(float).tiny), _LARGEST)
+        return _within(array, float(np.finfo(float).tiny), LARGEST_NUMBER)
     if name == "rpy":
         return _within(array, -2.0 * np.pi, 2.0 * np.pi)
-    accepted = _within(array, -_LARGEST, _LARGEST)
+    accepted = _within(array, -LARGEST_NUMBER, LARGEST_NUMBER)
     if name == INERTIA:
         accepted &= are_inertias(np.where(accepted[:, None, None], array, np.eye(3)))
     return accepted

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from freefloat.beyond.formats.mjcf_not_read import SHAPES, not_read
 from freefloat.beyond.formats.mjcf_spacecraft import (
@@ -37,13 +36,12 @@ from freefloat.robot.free_base import add_table
 from freefloat.robot.named_files import is_file
 from freefloat.robot.reader_process import MEMORY, UrdfText
 from freefloat.robot.urdf_xml import PAIR
+from freefloat.so3 import Array
 
 _EFFORT, _VELOCITY = "1e9", "1e9"
 """Limits that MJCF does not have."""
 _MOST = 1000
 """Number of bodies that a model may have."""
-
-Array = npt.NDArray[np.float64]
 
 
 def read(file: str, root: str | None = None) -> UrdfText:
