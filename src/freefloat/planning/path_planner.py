@@ -32,7 +32,7 @@ from freefloat.planning.motions import (
 )
 from freefloat.planning.plan import Plan
 from freefloat.planning.plane.choices import RangeChoices
-from freefloat.planning.reasons import HELD, NOT_UNIQUE, margin_text
+from freefloat.planning.reasons import NOT_UNIQUE, RETIMED, margin_text
 from freefloat.planning.settings import PLAN_ATTITUDES, Search
 from freefloat.planning.space.choices import SampledChoices
 from freefloat.planning.space.climbing import is_unique
@@ -91,7 +91,7 @@ def stretched_plan(plan: Callable[..., Plan], problem: Problem) -> Plan:
     return replace(plan(problem.stretched(factor), result.stretch_candidate), stretch=factor)
 
 
-def plan_held(
+def plan_with_motion(
     passed: PassedTrial,
     *,
     search: Search,
@@ -108,7 +108,7 @@ def plan_held(
     plan = replace(
         _surveyed(evaluator, search, progress),
         feasible=True,
-        reason=f"{HELD}, {margin_text(chosen.closest_approach)}",
+        reason=f"{RETIMED}, {margin_text(chosen.closest_approach)}",
         limits=limits, chosen=chosen, limit_results=results,
     )  # fmt: skip
     plan = replace(plan, robust_radius=heading_depth(evaluator, plan, chosen))

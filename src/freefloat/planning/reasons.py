@@ -25,7 +25,7 @@ from freefloat.motion.problem import Problem
 from freefloat.motion.singularity import SingularEvent
 from freefloat.so3 import Array
 
-HELD = "the attitude whose motion has this timing"
+RETIMED = "the attitude whose motion has this timing"
 NOT_UNIQUE = "; the optimum is not unique, attitudes around it have the same margin"
 FASTEST = "with its fastest timing"
 NO_FASTEST = "no timing was found that is the fastest of its own motion"

@@ -140,7 +140,7 @@ def joint_space_figure(
     curves = _draw_levels(axes, problem, arm)
     points = [point for _, point in touching]
     others = [motion_curve(motion) for motion in [*motions, *(motion for motion, _ in touching)]]
-    drawn_before = np.vstack([*others, *(wrapped(np.degrees(curve.joints)) for curve in curves)])
+    drawn_before = np.vstack([*others, *(curve_in_window(np.degrees(c.joints)) for c in curves)])
     if others:
         _draw_distances(axes, problem, arm, points, drawn_before)
     for number, (motion, _) in enumerate(touching):
@@ -162,10 +162,10 @@ def joint_space_figure(
 def motion_curve(motion: Motion) -> Array:
     """The motion curve: q1 and q2 along a motion as they are drawn [deg], shape (K, 2)."""
     places = np.linspace(0.0, motion.panels, 12 * motion.panels + 1)
-    return wrapped(np.degrees(motion.evaluate(places)[2][:, :2]))
+    return curve_in_window(np.degrees(motion.evaluate(places)[2][:, :2]))
 
 
-def wrapped(degrees: Array) -> Array:
+def curve_in_window(degrees: Array) -> Array:
     """A curve (K, 2) wrapped to the angles that are drawn [deg], with NaN rows at the jumps."""
     inside = (degrees - _LOW) % 360.0 + _LOW
     revolutions = np.round((degrees - inside) / 360.0)
@@ -184,7 +184,7 @@ def _draw_levels(axes: Any, problem: Problem, arm: PlanarArm) -> list[MarginCurv
         shown = style.amount(value, margin.measure.unit) if value else "0 (singular)"
         label: str | None = f"$S$ = {shown}"
         for curve in (curve for curve in curves if curve.level == value):
-            rows = wrapped(np.degrees(curve.joints))
+            rows = curve_in_window(np.degrees(curve.joints))
             axes.plot(*rows.T, color=style.BLACK, linestyle=dashes, linewidth=width, label=label)
             label = None
     return [curve for curve in curves if curve.level >= 0.0]
@@ -196,7 +196,7 @@ def _name_curves(axes: Any, arm: PlanarArm, curves: Sequence[MarginCurve], other
     A name stands where it is far from other curves, shape (K, 2) [deg].
     """
     for name, curve in {curve.name: curve for curve in reversed(curves)}.items():
-        place = _freest(wrapped(np.degrees(curve.joints)), others)
+        place = _freest(curve_in_window(np.degrees(curve.joints)), others)
         above = arm.determinant(two_angles(arm, np.radians(place + _NUDGE))) > curve.level
         side = 1.0 if above == (curve.level > 0.0) else -1.0
         axes.annotate(
@@ -220,7 +220,7 @@ def _draw_touch_points(axes: Any, points: Sequence[TouchPoint], others: Array) -
 
     Letters stand on the side that is farthest from other curves, shape (K, 2) [deg], and points.
     """
-    marks = [wrapped(np.degrees(point.joints[:2])[None])[0] for point in points]
+    marks = [curve_in_window(np.degrees(point.joints[:2])[None])[0] for point in points]
     others = np.vstack([others, *marks])
     tangent = [point.kind is TouchKind.TANGENT for point in points]
     for inside, marker, letter in ((True, "D", "C"), (False, "s", "E")):

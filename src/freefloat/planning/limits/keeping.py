@@ -66,7 +66,7 @@ def keep_limits(
     trials = Trials(evaluator, limits)
     if (passed := trials.check(plan.chosen)) is not None:
         return replace(plan, limit_results=passed[1])
-    if CorridorLimit.name in trials.violations:  # the path itself leaves it
+    if CorridorLimit.name in trials.refusals:  # the path itself leaves it
         return _without_candidate(plan, trials)
     passed = _first_passing(evaluator, plan, limits, trials, progress)
     if passed is None and known is not None:
@@ -109,7 +109,7 @@ def _first_passing(
             if progress is not None:
                 progress(max(trials.count / _MOST, number / total))
             if candidate.violation is not None:
-                trials.violations[candidate.violation] += 1
+                trials.refusals[candidate.violation] += 1
                 trials.screened_out.append(candidate)
                 continue
             at_present = np.array_equal(candidate.attitude, np.asarray(present))
@@ -175,7 +175,7 @@ def _with_candidate(plan: Plan, trials: Trials, passed: PassedTrial) -> Plan:
     if search.objective.approaches and search.from_attitude is not None:
         passed = moved_nearer(trials, search, search.from_attitude, passed)
     chosen, results = passed
-    depth, excluded = heading_depth(trials.evaluator, plan, chosen), dict(trials.violations)
+    depth, excluded = heading_depth(trials.evaluator, plan, chosen), dict(trials.refusals)
     plan = replace(plan, chosen=chosen, limit_results=results, excluded=excluded)
     among = _TRIED if trials.skipped or search.objective.compared > 1 else _AMONG
     margin = margin_text(chosen.closest_approach)
@@ -188,7 +188,7 @@ def _without_candidate(plan: Plan, trials: Trials) -> Plan:
 
     Where one is known, it has a sufficient duration.
     """
-    excluded = dict(trials.violations.most_common())
+    excluded = dict(trials.refusals.most_common())
     for candidate in _nearest_to_passing(trials.screened_out):
         trials.at(candidate.attitude, candidate.branch)
     count = trials.count

@@ -57,7 +57,7 @@ class Trials:
         evaluator: Evaluator of the problem.
         limits: The limits; None for the margin alone.
         checker: The limits, prepared for the problem's robot.
-        violations: How many candidates violate which limit first.
+        refusals: How many candidates violate which limit first.
         count: Number of precise motions.
         refusal: What the last motion that did not pass violates first.
         too_fast: Motions that violate limits of rates and torques alone, with the factor on the
@@ -69,7 +69,7 @@ class Trials:
     def __init__(self, evaluator: FeasibilityEvaluator, limits: Limits | None) -> None:
         self.problem, self.evaluator, self.limits = evaluator.problem, evaluator, limits
         self.checker = LimitChecker(self.problem, limits or Limits(clearance="off"))
-        self.violations: Counter[str] = Counter()
+        self.refusals: Counter[str] = Counter()
         self.count, self.refusal = 0, ""
         self.too_fast: list[tuple[float, SimulatedBranch]] = []
         self.screened_out: list[ScreenedCandidate] = []
@@ -108,7 +108,7 @@ class Trials:
         return None
 
     def _refuse(self, name: str) -> None:
-        self.violations[name] += 1
+        self.refusals[name] += 1
         self.refusal = name
 
     def nearest(self) -> tuple[SimulatedBranch | None, tuple[LimitResult, ...]]:

@@ -23,9 +23,9 @@ from freefloat.planning.motions import (
     integrate_from,
     simulated_branch,
 )
-from freefloat.planning.path_planner import certified, plan_held, plan_path, stretched_plan
+from freefloat.planning.path_planner import certified, plan_path, plan_with_motion, stretched_plan
 from freefloat.planning.plan import Plan
-from freefloat.planning.reasons import FASTEST, FIRST_GUESS, HELD, NO_FASTEST
+from freefloat.planning.reasons import FASTEST, FIRST_GUESS, NO_FASTEST, RETIMED
 from freefloat.planning.space.tolerated_deviations import tolerance
 from freefloat.planning.timing.speed_profile import (
     INTERVALS,
@@ -189,8 +189,8 @@ def _agreeing_plan(
             moved, results, too_fast = _slowed(problem, fastest, limits, trials, _LITTLE)
             too_fast = too_fast and settled
             if moved.verdict(results).feasible and settled:
-                held = partial(plan_held, search=plan.search, threads=threads, progress=step)
-                return held((moved, results), limits=limits), True
+                kept = partial(plan_with_motion, search=plan.search, threads=threads, progress=step)
+                return kept((moved, results), limits=limits), True
             if moved.verdict(results).feasible:
                 chosen = moved
                 continue
@@ -212,7 +212,7 @@ def _agreeing_plan(
         chosen = current.chosen
     last = _with_timing(plan, chosen, problem, limits)
     if last.feasible:
-        last = _with_tolerances(replace(last, reason=f"{HELD}; {NO_FASTEST}"), limits, threads)
+        last = _with_tolerances(replace(last, reason=f"{RETIMED}; {NO_FASTEST}"), limits, threads)
     return replace(last, limits=limits), False
 
 
