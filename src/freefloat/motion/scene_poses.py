@@ -15,15 +15,17 @@ def scene_poses(
     A state has a time [s], the attitude of the spacecraft, a unit quaternion x, y, z, w, shape
     (4,), and joints (n,); in K states each body has K poses.
     """
-    return motion.setting.scene.poses(t, motion.setting, _hand(motion, t, attitude, joints))
+    poses = _end_effector_poses(motion, t, attitude, joints)
+    return motion.setting.scene.poses(t, motion.setting, poses)
 
 
 def corridor_pose(motion: Motion, t: float | Array, attitude: Array, joints: Array) -> Pose:
     """The frame of the corridor; arguments are as for :func:`scene_poses`."""
-    return motion.setting.scene.corridor_pose(t, motion.setting, _hand(motion, t, attitude, joints))
+    poses = _end_effector_poses(motion, t, attitude, joints)
+    return motion.setting.scene.corridor_pose(t, motion.setting, poses)
 
 
-def _hand(
+def _end_effector_poses(
     motion: Motion, t: float | Array, attitude: Array, joints: Array
 ) -> EndEffectorPoses | None:
     """Poses of the end-effector, where bodies move with it."""

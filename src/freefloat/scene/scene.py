@@ -181,16 +181,16 @@ class Scene:
         return any(body.payload is not None for body in self.bodies)
 
     def poses(
-        self, t: float | Array, frame: SceneFrame, hand: EndEffectorPoses | None = None
+        self, t: float | Array, frame: SceneFrame, end_effector: EndEffectorPoses | None = None
     ) -> tuple[Pose, ...]:
         """The frames of all bodies, see :meth:`freefloat.scene.scene_body.SceneBody.pose_at`."""
-        return tuple(body.pose_at(t, frame, hand) for body in self.bodies)
+        return tuple(body.pose_at(t, frame, end_effector) for body in self.bodies)
 
     def corridor_pose(
-        self, t: float | Array, frame: SceneFrame, hand: EndEffectorPoses | None = None
+        self, t: float | Array, frame: SceneFrame, end_effector: EndEffectorPoses | None = None
     ) -> Pose:
         """The frame of the corridor; arguments are as in :meth:`poses`."""
         if self.corridor is None or self.corridor.body is None:
             return Pose(frame.origin(t), np.broadcast_to(np.eye(3), (*np.shape(t), 3, 3)))
         body = self.bodies[self.names.index(self.corridor.body)]
-        return body.pose_at(t, frame, hand)
+        return body.pose_at(t, frame, end_effector)

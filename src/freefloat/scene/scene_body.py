@@ -113,22 +113,23 @@ class SceneBody:
         return Pose(self.position, self.orientation)
 
     def pose_at(
-        self, t: float | Array, frame: SceneFrame, hand: EndEffectorPoses | None = None
+        self, t: float | Array, frame: SceneFrame, end_effector: EndEffectorPoses | None = None
     ) -> Pose:
         """The body's frame at time t [s] relative to the centre of mass, inertial axes.
 
         Args:
             t: Time [s], or times (K,) of one sign, at which it has K poses.
             frame: The frame in which the scene is stated.
-            hand: Poses of the end-effector, needed where the body moves with it.
+            end_effector: Poses of the end-effector, needed where the body moves with it.
 
         Raises:
             InputError: If they are needed and missing.
         """
         if self.motion == "target":
-            if hand is None:
-                raise InputError("hand", "it is missing", "the poses of the end-effector")
-            return (hand.prescribed if self.payload is None else hand.actual) @ self.pose
+            if end_effector is None:
+                raise InputError("end_effector", "it is missing", "the poses of the end-effector")
+            held = self.payload is not None
+            return (end_effector.actual if held else end_effector.prescribed) @ self.pose
         pose = self._turned(t)
         return Pose(pose.position + frame.origin(t), pose.rotation)
 
