@@ -264,7 +264,7 @@ def curves_of_figure_11(motion: Motion) -> dict[str, Callable[[], Figure]]:
     spins = [r"$\omega_x$", r"$\omega_y$", r"$\omega_z$"]
     q, rates = np.degrees(found.joints), np.degrees(found.joint_rates)
     drawn = {
-        "a": (found.end_effector.positions, axes, "position [m]"),
+        "a": (found.end_effectors[0].positions, axes, "position [m]"),
         "b": (q[:, :3], joints[:3], "angle [deg]"),
         "c": (q[:, 3:], joints[3:], "angle [deg]"),
         "d": (euler_angles(found.attitudes), turns, "Euler angle [deg]"),

@@ -5,7 +5,6 @@ import io
 import json
 import os
 import shutil
-from operator import attrgetter
 from pathlib import Path
 
 import numpy as np
@@ -50,20 +49,22 @@ def files(tmp_path, monkeypatch, saved):
     return tmp_path
 
 
-FIELDS = {
-    "time": "times",
-    "attitude": "attitudes",
-    "base_position": "base_positions",
-    "base_velocity": "base_velocities",
-    "base_angular_velocity": "angular_velocities",
-    "joints": "joints",
-    "joint_rates": "joint_rates",
-    "joint_accelerations": "joint_accelerations",
-    "joint_torques": "joint_torques",
-    "end_effector_position": "end_effector.positions",
-    "end_effector_attitude": "end_effector.orientations",
-    "measure": "measure",
-}
+def arrays_of(trajectory):
+    track = trajectory.end_effectors[0]
+    return {
+        "time": trajectory.times,
+        "attitude": trajectory.attitudes,
+        "base_position": trajectory.base_positions,
+        "base_velocity": trajectory.base_velocities,
+        "base_angular_velocity": trajectory.angular_velocities,
+        "joints": trajectory.joints,
+        "joint_rates": trajectory.joint_rates,
+        "joint_accelerations": trajectory.joint_accelerations,
+        "joint_torques": trajectory.joint_torques,
+        "end_effector_position": track.positions,
+        "end_effector_attitude": track.orientations,
+        "measure": trajectory.measure,
+    }
 
 
 def test_csv_holds_every_number_under_a_name_with_its_unit(motions, trajectory):
@@ -72,7 +73,7 @@ def test_csv_holds_every_number_under_a_name_with_its_unit(motions, trajectory):
             "q3 acceleration [rad/s^2]", "end-effector position y [m]"} <= {*rows[0]}  # fmt: skip
     assert rows[0][-1] == f"system [{motions[0].problem.margin.measure.unit}]"
     numbers = np.array(rows[1:], dtype=float)
-    wanted = [attrgetter(field)(trajectory).reshape(51, -1) for field in FIELDS.values()]
+    wanted = [array.reshape(51, -1) for array in arrays_of(trajectory).values()]
     assert np.array_equal(numbers, np.hstack(wanted))
 
 
@@ -91,9 +92,9 @@ def test_json_holds_every_number_with_robot_and_problem(motions, trajectory):
     assert document["joint_names"] == ["q1", "q2", "q3"]
     assert document["completed"] is True
     assert document["momentum"] == [0.0, 0.0, 0.5]
-    assert set(document["units"]) == set(document["trajectory"]) == set(FIELDS)
-    for key, field in FIELDS.items():
-        assert np.array_equal(document["trajectory"][key], attrgetter(field)(trajectory)), key
+    assert set(document["units"]) == set(document["trajectory"]) == set(arrays_of(trajectory))
+    for key, array in arrays_of(trajectory).items():
+        assert np.array_equal(document["trajectory"][key], array), key
 
 
 def test_what_has_no_bound_is_null_in_json_and_nan_elsewhere(motions, tmp_path):
@@ -117,8 +118,8 @@ def test_matlab_reads_a_struct(motions, trajectory, tmp_path):
     assert raw["joints"][0, 0].shape == (51, 3)
     assert max(map(len, raw.dtype.names)) < 32  # as long as names may be in older versions
     struct = loadmat(tmp_path / "plan.mat", simplify_cells=True)["trajectory"]
-    for key, field in FIELDS.items():
-        assert np.array_equal(struct[key], attrgetter(field)(trajectory)), key
+    for key, array in arrays_of(trajectory).items():
+        assert np.array_equal(struct[key], array), key
     assert struct["joint_names"].tolist() == ["q1", "q2", "q3"]
     assert struct["units"]["joint_rates"] == "rad/s"
     assert struct["measure_name"] == "system"

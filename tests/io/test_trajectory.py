@@ -59,9 +59,9 @@ def test_states_are_those_of_the_motion(motion):
         assert_close(abs(trajectory.attitudes[k] @ state.attitude), 1.0, atol=1e-15)
         assert_close(trajectory.base_positions[k], state.base_position, atol=1e-15)
         pose = motion.problem.path.pose(state.time)
-        assert_close(trajectory.end_effector.positions[k], pose.position, atol=1e-8)
+        assert_close(trajectory.end_effectors[0].positions[k], pose.position, atol=1e-8)
         if motion.problem.task.prescribes_orientation:
-            rotation = Rotation.from_quat(trajectory.end_effector.orientations[k]).as_matrix()
+            rotation = Rotation.from_quat(trajectory.end_effectors[0].orientations[k]).as_matrix()
             assert_close(rotation, pose.rotation, atol=1e-8)
         assert trajectory.measure[k] == pytest.approx(motion.problem.margin.measure(state.joints))
     arrays = (getattr(trajectory, entry.name) for entry in fields(trajectory))

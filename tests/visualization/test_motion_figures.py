@@ -56,6 +56,7 @@ def drawn(request: pytest.FixtureRequest) -> Drawn:
 def test_the_motion_is_drawn_as_it_is(spatial: SimulatedBranch) -> None:
     motion = spatial.motion
     trajectory = Trajectory.of(motion, shown_times(motion))
+    track = trajectory.end_effectors[0]
     figure = motion_figures(motion, spatial.closest_approach)["motion"]
     joints, rates, angles, spacecraft_rates, end, base = figure.axes
     turns = euler_angles(trajectory.attitudes)
@@ -68,7 +69,7 @@ def test_the_motion_is_drawn_as_it_is(spatial: SimulatedBranch) -> None:
         assert np.allclose(line(angles, f"${letter}$")[:, 1], turns[:, k])
         spin = line(spacecraft_rates, rf"$\omega_{letter}$")[:, 1]
         assert np.allclose(spin, np.degrees(trajectory.angular_velocities[:, k]))
-        assert np.allclose(line(end, f"${letter}$")[:, 1], trajectory.end_effector.positions[:, k])
+        assert np.allclose(line(end, f"${letter}$")[:, 1], track.positions[:, k])
         assert np.allclose(line(base, f"${letter}$")[:, 1], trajectory.base_positions[:, k])
 
 

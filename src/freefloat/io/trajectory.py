@@ -188,11 +188,6 @@ class Trajectory:
         )
 
     @property
-    def end_effector(self) -> Track:
-        """Poses of the end-effector on the path of the problem."""
-        return self.end_effectors[0]
-
-    @property
     def displaced(self) -> bool:
         """Whether the centre of mass is elsewhere than at the origin of the path's frame."""
         return bool(self.centre_of_mass_positions.any())
