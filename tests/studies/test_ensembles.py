@@ -201,7 +201,9 @@ def test_values_that_are_refused_are_left_to_single_runs(
 
 
 @pytest.mark.slow
-def test_rows_are_the_same_for_any_chunks_threads_and_interruptions(tmp_path: Path) -> None:
+def test_rows_are_the_same_for_any_chunks_threads_and_interruptions(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     study = a_study(tmp_path, ROBOTS, cases=300, files="none")
     every = rows_of(study, tmp_path / "out")
     times, drawn = {"seconds": None, "began": None}, study.variation.columns(0, 1)
@@ -212,8 +214,8 @@ def test_rows_are_the_same_for_any_chunks_threads_and_interruptions(tmp_path: Pa
     assert 0 < again.computed < 300
     assert [row | times for row in again.rows] == [row | times for row in every]
     for size in (7, 100):
-        parts = [computed(PortableStudy(study), chunk)
-                 for chunk in chunks(study, np.arange(300), size)]  # fmt: skip
+        monkeypatch.setattr("freefloat.studies.ensembles.CHUNK", size)
+        parts = [computed(PortableStudy(study), chunk) for chunk in chunks(study, np.arange(300))]
         margins = np.concatenate([part["margin"] for part in reversed(parts)])
         numbers = np.concatenate([part["number"] for part in reversed(parts)])
         assert [every[number]["margin"] for number in numbers.tolist()] == margins.tolist()

@@ -50,23 +50,19 @@ class Extremes:
         return max(abs(self.largest), abs(self.smallest))
 
 
-def joint_space_extremes(
-    model: FreeFloatingModel, function: Function, samples: int = _JOINT_SAMPLES
-) -> Extremes:
+def joint_space_extremes(model: FreeFloatingModel, function: Function) -> Extremes:
     """The extremes of a function of the joints over the joint space, see :func:`joint_box`.
 
-    The best of ``samples`` points of a low-discrepancy sequence are refined by Newton's
-    method.
+    The best points of a low-discrepancy sequence are refined by Newton's method.
 
     Args:
         model: Robot.
         function: Function of joint values (n,) or (K, n), such as a singularity measure.
-        samples: Number of points.
 
     Raises:
         InputError: If a prismatic joint has no finite range.
     """
-    points, _ = _sorted_samples(model, function, samples)
+    points, _ = _sorted_samples(model, function)
     smooth = getattr(function, "smooth", ())  # what approaches a measure with kinks from below
     smallest, smallest_at = _extremum(model, function, points[:_REFINED])
     largest, largest_at = _extremum(model, function, points[-_REFINED:], -1.0, smooth)
@@ -75,7 +71,7 @@ def joint_space_extremes(
 
 def largest_measure(model: FreeFloatingModel, measure: SingularityMeasure) -> float:
     """:attr:`Extremes.magnitude`, without the slow search for the minimum if none is negative."""
-    points, values = _sorted_samples(model, measure, _JOINT_SAMPLES)
+    points, values = _sorted_samples(model, measure)
     largest = abs(_extremum(model, measure, points[-_REFINED:], -1.0, measure.smooth)[0])
     if values[0] >= 0.0:
         return largest
@@ -136,12 +132,10 @@ def joint_box(
     return lower, upper
 
 
-def _sorted_samples(
-    model: FreeFloatingModel, function: Function, samples: int
-) -> tuple[Array, Array]:
+def _sorted_samples(model: FreeFloatingModel, function: Function) -> tuple[Array, Array]:
     """Points of the joint space (K, n) and the function there (K,), in ascending order."""
     lower, upper = joint_box(model)
-    points = lower + (upper - lower) * low_discrepancy(samples, model.dof)
+    points = lower + (upper - lower) * low_discrepancy(_JOINT_SAMPLES, model.dof)
     values = function(points)
     order = np.argsort(values)
     return points[order], values[order]

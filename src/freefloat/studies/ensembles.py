@@ -42,18 +42,17 @@ _SLOW_CHUNK = 64
 """Runs of a chunk with limits that are checked one motion after the other."""
 
 
-def chunks(study: Study, missing: IntArray, size: int | None = None) -> Iterator[Chunk]:
+def chunks(study: Study, missing: IntArray) -> Iterator[Chunk]:
     """Yield the missing runs that are computed side by side, some at a time.
 
     Args:
         study: The study.
         missing: Numbers of runs, ascending.
-        size: Largest number of runs in a chunk of an ensemble; by default by what takes long.
     """
     if module := STUDY_COMMANDS.get(study.content.command):
         yield from named(f"{module}:chunks")(study, missing)
         return
-    size = size or (_SLOW_CHUNK if study.has_slow_limits else CHUNK)
+    size = _SLOW_CHUNK if study.has_slow_limits else CHUNK
     groups = group_numbers(study)
     _, first_runs = np.unique(groups, return_index=True)
     first_of = dict(zip(groups[first_runs].tolist(), first_runs.tolist(), strict=True))
