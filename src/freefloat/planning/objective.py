@@ -60,6 +60,7 @@ class Objective(ABC):
         criterion: What it asks for, in reasons.
         measures_turn: Whether its merits need the largest turn of the spacecraft along motions.
         compares_motions: Whether a merit depends on its motion alone, whatever the other motions.
+        ranks_feasible: Whether infeasible motions come last when limits are screened.
         compared: Number of candidates within limits whose robust radii are compared.
         approaches: Whether it looks for an attitude near ``from_attitude``, which must be given,
             that keeps the margin within ``spare``.
@@ -69,6 +70,7 @@ class Objective(ABC):
     criterion: ClassVar[str]
     measures_turn: ClassVar[bool] = False
     compares_motions: ClassVar[bool] = True
+    ranks_feasible: ClassVar[bool] = True
     compared: ClassVar[int] = 1
     approaches: ClassVar[bool] = False
 
@@ -89,7 +91,9 @@ class Objective(ABC):
 
     def ranks(self, compared: Comparison, attitudes: Array, motions: EnsembleResult) -> Ranks:
         """Keys that order motions when limits are screened."""
-        return (-compared(attitudes, motions),)
+        if self.ranks_feasible:
+            return (-compared(attitudes, motions),)
+        return (-self.merits(compared, attitudes, motions),)
 
     def candidates(self, choices: Choices) -> Sequence[Candidate]:
         """The attitudes to try, the best first; none where none is known to be feasible."""

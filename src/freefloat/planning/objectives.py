@@ -24,14 +24,11 @@ class LargestMargin(Objective):
 
     name = "margin"
     criterion = "the largest margin"
+    ranks_feasible = False
 
     def merits(self, compared: Comparison, attitudes: Array, motions: EnsembleResult) -> Array:
         """See :class:`Objective`."""
         return motions.minimum
-
-    def ranks(self, compared: Comparison, attitudes: Array, motions: EnsembleResult) -> Ranks:
-        """See :class:`Objective`."""
-        return (-self.merits(compared, attitudes, motions),)
 
     def candidates(self, choices: Choices) -> Sequence[Candidate]:
         """See :class:`Objective`."""
@@ -81,17 +78,13 @@ class Robust(Objective):
 
     name = "robust"
     criterion = "the deepest inside"
-    compares_motions = False
+    compares_motions = ranks_feasible = False
     compared = 6
 
     def merits(self, compared: Comparison, attitudes: Array, motions: EnsembleResult) -> Array:
         """See :class:`Objective`."""
         feasible = motions.keeps(compared.threshold)
         return np.column_stack([depths(attitudes, column) for column in feasible.T])
-
-    def ranks(self, compared: Comparison, attitudes: Array, motions: EnsembleResult) -> Ranks:
-        """See :class:`Objective`."""
-        return (-self.merits(compared, attitudes, motions),)
 
     def candidates(self, choices: Choices) -> Sequence[Candidate]:
         """See :class:`Objective`."""
