@@ -28,6 +28,7 @@ import numpy.typing as npt
 from numpy.polynomial import chebyshev
 
 from freefloat.certificate.matrix_bounds import ScaledSystem
+from freefloat.dynamics.measures import trigonometric_terms
 from freefloat.motion.motion import Motion
 from freefloat.so3 import Array, IntArray
 
@@ -44,8 +45,6 @@ _SHORTEST = 2.0**-24
 """Shortest half of an interval: what is not proven there is singular up to rounding."""
 _MOST = 20_000
 """Largest number of intervals."""
-_GRID = 16
-"""Samples of joints two and three for the Fourier series of ``arm``, whose degree is two."""
 
 
 @dataclass(frozen=True)
@@ -270,13 +269,8 @@ class _ArmBounds:
     """
 
     def __init__(self, motion: Motion) -> None:
-        angles = 2.0 * np.pi * np.arange(_GRID) / _GRID
-        joints = np.zeros((_GRID, _GRID, 6))
-        joints[..., 1], joints[..., 2] = angles[:, None], angles
-        table = motion.setting.margin.measure(joints.reshape(-1, 6)).reshape(_GRID, _GRID)
-        orders = np.fft.fftfreq(_GRID, 1.0 / _GRID)
-        self._terms = np.fft.fft2(table).ravel() / _GRID**2
-        self._orders = np.stack(np.meshgrid(orders, orders, indexing="ij"), axis=-1).reshape(-1, 2)
+        terms = trigonometric_terms(motion.model)
+        self._orders, self._terms = terms[:, :2], terms[:, 2] - 1j * terms[:, 3]
         self._joints = motion.coefficients[:, :, 6:8]
         self._rates = np.asarray(chebyshev.chebder(self._joints, axis=1), dtype=float)
         both = self._rates, chebyshev.chebder(self._rates, axis=1)
