@@ -24,7 +24,7 @@ from freefloat.paths.timing import Timing
 from freefloat.planning.touch_point import TouchKind, TouchPoint, distinct, roots_between
 from freefloat.regions.margin_curves import MarginCurve, level_curves
 from freefloat.regions.planar_regions import Complex, PlanarArm, point_3, two_angles
-from freefloat.so3 import Array, angle_between, frozen, wrapped
+from freefloat.so3 import Array, frozen, wrapped
 
 _EXACT = 1e-9
 _NEWTON_STEPS, _LONGEST, _LAST_STEP = 30, 0.1, 1e-13
@@ -56,7 +56,8 @@ def planar_touch_points(
     first, last = span
     inside = [point for point in _tangent_points(candidates) if first < point.time < last]
     start = _at_end(candidates, TouchKind.START, first)
-    return distinct([*inside, *start, *_at_end(candidates, TouchKind.END, last)], _same)
+    end = _at_end(candidates, TouchKind.END, last)
+    return distinct(problem, [*inside, *start, *end])
 
 
 @lru_cache(maxsize=2)
@@ -151,16 +152,6 @@ def _point(
     heading = float(angles[0] % (2.0 * np.pi))
     s, attitude = candidates.timing.s(t), candidates.plane.attitudes(heading)
     return TouchPoint(kind, t, s, level, frozen(attitude), frozen(joints), heading)
-
-
-def _same(point: TouchPoint, other: TouchPoint) -> bool:
-    turn = angle_between(point.attitude, other.attitude)
-    angles = np.append(point.joints - other.joints, turn)
-    return bool(
-        point.kind is other.kind
-        and abs(point.time - other.time) < 1e-9 * max(1.0, point.time)
-        and np.abs(wrapped(angles)).max() < 1e-7
-    )
 
 
 class PathState(NamedTuple):

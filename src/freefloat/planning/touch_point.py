@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import StrEnum
 from operator import attrgetter
@@ -84,26 +83,19 @@ def motion_through(problem: Problem, point: TouchPoint, span: tuple[float, float
     return integrate_motion(problem, attitude, joints, start=start, end=end)
 
 
-def distinct(
-    points: list[TouchPoint], same: Callable[[TouchPoint, TouchPoint], bool]
-) -> tuple[TouchPoint, ...]:
+def distinct(problem: Problem, points: list[TouchPoint]) -> tuple[TouchPoint, ...]:
     """Touch points in the order of time, equal ones once."""
     kept: list[TouchPoint] = []
-    for point in sorted(points, key=attrgetter("time")):
-        if not any(same(point, other) for other in kept):
-            kept.append(point)
-    return tuple(kept)
-
-
-def distinct_in_space(problem: Problem, points: list[TouchPoint]) -> tuple[TouchPoint, ...]:
-    """Touch points of a spatial arm in the order of time, equal ones once."""
 
     def same(point: TouchPoint, other: TouchPoint) -> bool:
         distance = float(problem.model.joint_distance(point.joints, other.joints))
         turn = float(angle_between(point.attitude, other.attitude))
         return max(abs(point.s - other.s), distance, turn) < _SAME_POINT
 
-    return distinct(points, same)
+    for point in sorted(points, key=attrgetter("time")):
+        if not any(same(point, other) for other in kept):
+            kept.append(point)
+    return tuple(kept)
 
 
 def roots_between(values: Array) -> list[int]:

@@ -27,7 +27,7 @@ from freefloat.planning.planar_touch_points import planar_touch_points
 from freefloat.planning.touch_point import (
     TouchKind,
     TouchPoint,
-    distinct_in_space,
+    distinct,
     motion_through,
     roots_between,
     touches,
@@ -180,7 +180,7 @@ def tangent_points(
         for value, line in margin_lines(on_path, wrist, levels)
         for point in _points_on_line(on_path, wrist, value, line)
     ]
-    return distinct_in_space(problem, points)
+    return distinct(problem, points)
 
 
 def _points_on_line(
@@ -223,7 +223,7 @@ def end_points(
 ) -> tuple[TouchPoint, ...]:
     """Every touch point of Case II with given first joint angle, roll [rad] and signed S0."""
     ends = (TouchKind.START, 0.0), (TouchKind.END, problem.path.duration)
-    return distinct_in_space(problem, [
+    return distinct(problem, [
         point
         for kind, t in ends
         for wrist in (1.0, -1.0)
