@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from enum import Enum
 from typing import Annotated, Any, NamedTuple, Protocol, TypeVar
 
@@ -109,15 +109,6 @@ def test_a_record_of_every_type_returns() -> None:
     assert not other.pair.codes.flags.writeable
 
 
-@pytest.mark.parametrize("size", [1.0, 1e6])
-def test_derived_arrays_agree_up_to_rounding(size: float) -> None:
-    tree = CODEC.encode(replace(everything(), pair=Pair(np.full(2, size), np.ones(2, np.int8))))
-    doubled = tree["doubled"].values
-    CODEC.decode(Everything, tree | {"doubled": Quantity(doubled * (1.0 + 5e-10))}, {})
-    with pytest.raises(ValueError, match="contradicts"):
-        CODEC.decode(Everything, tree | {"doubled": Quantity(doubled * (1.0 + 2e-9))}, {})
-
-
 @dataclass(frozen=True)
 class Solved:
     """A record in a context."""
@@ -143,7 +134,6 @@ def test_records_of_unknown_classes_are_not_stored() -> None:
 
 CHANGES: dict[str, Callable[[Tree], object]] = {
     "no entry": lambda tree: tree.pop("count"),
-    "unknown entry": lambda tree: tree.update(odd=1.0),
     "text": lambda tree: tree.update(count="3"),
     "truth value": lambda tree: tree.update(count=True),
     "fraction": lambda tree: tree.update(count=3.5),
@@ -156,7 +146,6 @@ CHANGES: dict[str, Callable[[Tree], object]] = {
     "rows": lambda tree: tree["points"].update(gap=Quantity(np.zeros(3))),
     "length": lambda tree: tree.update(names=Quantity(np.array(["a"], object))),
     "type": lambda tree: tree["pair"].update(codes=Quantity(np.array([1, -1]))),
-    "derived": lambda tree: tree["pair"].update(low=Quantity(np.array([0.2, 0.3]))),
 }
 
 

@@ -31,8 +31,6 @@ import numpy.typing as npt
 from freefloat.records import Hint, Known, Origin, Quantity, Tree, derived_of, fields_of, parsed
 
 T = TypeVar("T")
-_DERIVED_ERROR = 1e-9
-"""Deviation of a derived property from what is stored, over the larger of 1 and its magnitude."""
 _VALUES = {float: (float, int), int: (int,), bool: (bool,), str: (str,)}
 """Types of stored values, by hint."""
 
@@ -54,7 +52,7 @@ class Codec:
         return _Encoder(self).tree(record)
 
     def decode(self, kind: type[T], tree: Tree, context: Mapping[type, Any]) -> T:
-        """The record of a tree.
+        """The record of a tree, whose derived properties and unknown parts are left out.
 
         Args:
             kind: Class of the record.
@@ -169,14 +167,8 @@ class _Decoder:
         return self._known[id(tree), kind][1]
 
     def _record(self, kind: type, tree: Tree, place: str) -> Any:
-        hints, properties = fields_of(kind), derived_of(kind)
-        if unknown := tree.keys() - {"class", *hints, *properties}:
-            raise ValueError(f"its part {place} has an unknown part {min(unknown)}")
-        record = kind(**{name: self._value(hint, tree.get(name), f"{place}/{name}")
-                         for name, hint in hints.items()})  # fmt: skip
-        for name in properties:
-            _require_same(tree.get(name), getattr(record, name), f"{place}/{name}")
-        return record
+        return kind(**{name: self._value(hint, tree.get(name), f"{place}/{name}")
+                       for name, hint in fields_of(kind).items()})  # fmt: skip
 
     def _value(self, hint: Hint, entry: Any, place: str) -> Any:
         if self._codec.is_given(hint) and (entry is True or not hint.optional):
@@ -253,10 +245,3 @@ def _checked(entry: Any, kinds: Any, place: str) -> Any:
         problem = "missing" if entry is None else "of another type"
         raise ValueError(f"its part {place} is {problem}")
     return entry
-
-
-def _require_same(entry: Any, values: npt.NDArray[Any], place: str) -> None:
-    stated = _checked(entry, Quantity, place).values
-    scale = max(1.0, float(np.abs(values).max(initial=0.0)))
-    if stated.shape != values.shape or not np.abs(stated - values).max() <= _DERIVED_ERROR * scale:
-        raise ValueError(f"its part {place} contradicts other parts")

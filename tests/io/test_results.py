@@ -196,7 +196,7 @@ BROKEN = {
     "text": attribute("stretch", "1.0", "result"),
     "panels": lambda file: [change(file) for change in SHORTER],
     "back": replaced(f"{MOTION}/times", lambda t: t[np.argsort(np.sin(t))]),
-    "base": replaced(f"{MOTION}/base_positions", lambda p: p + 1e-6),
+    "base": replaced(f"{MOTION}/base_positions", lambda p: p + 1e-8),
     "document": replaced("document", lambda _: "[1, 2"),
     "scenario": replaced("scenario", lambda _: "task: dance"),
     "robot": replaced("robot", lambda _: "<robot/>"),
@@ -211,6 +211,13 @@ BROKEN = {
 @pytest.mark.parametrize("change", [*KINDS.values(), *BROKEN.values()], ids=[*KINDS, *BROKEN])
 def test_files_of_another_kind_are_refused_and_broken_ones_are_altered(refusal, change):
     assert isinstance(refusal(change), AlteredFileError) is (change in BROKEN.values())
+
+
+def test_derived_arrays_agree_up_to_rounding(saved, tmp_path):
+    path = tmp_path / "rounded.h5"
+    change = replaced(f"{MOTION}/base_positions", lambda p: p * (1.0 + 5e-10))
+    path.write_bytes(altered(saved.read_bytes(), change))
+    ff.load(path)
 
 
 def restated(*keys, by):
