@@ -24,6 +24,7 @@ from freefloat.limits.kinds.joint_range import JointRangeLimit
 from freefloat.limits.kinds.joint_rate import JointRateLimit
 from freefloat.limits.limits import Limits
 from freefloat.limits.result import LimitResult, needed_stretch
+from freefloat.motion.problem import Problem
 from freefloat.planning.candidates import ScreenedCandidate
 from freefloat.planning.motions import SimulatedBranch, integrate_branch
 from freefloat.planning.objective import Comparison
@@ -139,28 +140,30 @@ class Violations:
 
     def __call__(self, attitudes: Array, motions: EnsembleResult) -> Array:
         """Merits (K, B) of motions: minus their violations, -inf where there is no arm branch."""
-        problem = self._problem
+        problem, limits = self._problem, self._limits
         completed = np.isin(motions.endings, (COMPLETED, LIMITED))
         with np.errstate(divide="ignore", invalid="ignore"):
             ratios = problem.margin.threshold / motions.minimum
             ratios = np.where(problem.margin.keeps(motions.minimum), ratios.clip(max=1.0), ratios)
             late = UNFINISHED * (2.0 - motions.ended_at / problem.path.duration)
-            for values in (self._attitude.ratios(motions.slacks), self._extent_ratios(motions)):
-                ratios = np.fmax(ratios, values.max(axis=-1, initial=0.0))
+            attitude = self._attitude.ratios(motions.slacks).max(axis=-1, initial=0.0)
+            extents = [] if limits is None else [*_extent_ratios(problem, limits, motions).values()]
+            for values in (attitude, np.max(extents, axis=0, initial=0.0)):
+                ratios = np.fmax(ratios, values)
         ratios = np.nan_to_num(ratios, nan=UNFINISHED).clip(max=UNFINISHED)
         ratios = np.where(completed, ratios, late)
         return np.asarray(np.where(motions.endings == UNREACHED, -np.inf, -ratios))
 
-    def _extent_ratios(self, motions: EnsembleResult) -> Array:
-        """Ratios of joint ranges and rates, and of the spacecraft's rate, shape (..., R)."""
-        if self._limits is None:
-            return np.zeros((*motions.minimum.shape, 0))
-        ratios = [largest_range_ratio(self._problem.model_at(), motions.lower, motions.upper)]
-        if self._limits.joint_rate is not None:
-            ratios.append(motions.rate_usage(self._limits.joint_rate))
-        if self._limits.base_rate is not None:
-            ratios.append(motions.base_rate / self._limits.base_rate)
-        return np.asarray(np.stack(ratios, axis=-1))
+
+def _extent_ratios(problem: Problem, limits: Limits, motions: EnsembleResult) -> dict[str, Array]:
+    """Ratios of joint ranges and rates, and of the spacecraft's rate, by limit, shape (...)."""
+    ranges = largest_range_ratio(problem.model_at(), motions.lower, motions.upper)
+    ratios = {JointRangeLimit.name: ranges}
+    if limits.joint_rate is not None:
+        ratios[JointRateLimit.name] = motions.rate_usage(limits.joint_rate)
+    if limits.base_rate is not None:
+        ratios[BaseRateLimit.name] = motions.base_rate / limits.base_rate
+    return ratios
 
 
 def largest_violation(violated: Iterable[LimitResult]) -> float:
@@ -195,17 +198,10 @@ def screen(
         attitudes, columns = results.attitudes[samples[batch]], branches[batch]
         distinct, rows = np.unique(attitudes, axis=0, return_inverse=True)
         again, entries = evaluator.evaluate(distinct, extremes=True), (rows.ravel(), columns)
-        low, high = again.motions.lower[entries], again.motions.upper[entries]
-        ranges = largest_range_ratio(evaluator.problem.model_at(), low, high)
-        violations = {JointRangeLimit.name: ranges > 1.0 + _SLACK}
-        joint_rates, base_rates, deficits = np.zeros((3, len(batch)))
-        if limits is not None and limits.joint_rate is not None:
-            joint_rates = again.motions.rate_usage(limits.joint_rate)[entries]
-        if limits is not None and limits.base_rate is not None:
-            base_rates = again.motions.base_rate[entries] / limits.base_rate
-        violations[JointRateLimit.name] = joint_rates > 1.0 + _SLACK
-        violations[BaseRateLimit.name] = base_rates > 1.0 + _SLACK
-        ratios = np.maximum(ranges, np.maximum(joint_rates, base_rates))
+        some = EnsembleResult._make(values[entries] for values in again.motions)
+        extents = _extent_ratios(evaluator.problem, limits or Limits(clearance="off"), some)
+        violations = {name: values > 1.0 + _SLACK for name, values in extents.items()}
+        ratios, deficits = np.max([*extents.values()], axis=0, initial=0.0), np.zeros(len(batch))
         if pairs is not None:
             left = ~np.any([*violations.values()], axis=0)
             remaining = entries[0][left], entries[1][left]
