@@ -22,6 +22,7 @@ from freefloat.dynamics.virtual_manipulator import meeting_point
 from freefloat.errors import InputError
 from freefloat.so3 import Array, BoolArray
 
+Vectors = tuple[Array, Array, Array]
 _TOLERANCE = 1e-9
 """Distance of intersecting axes, relative to the size of the arm."""
 _SYMMETRY = 1e-6
@@ -84,6 +85,14 @@ class ArmPlane:
         Returns:
             a and b of the terms a cos(k q2 + l q3) + b sin(k q2 + l q3), shape (..., 5, 2).
         """
+        D, couplings, (a, b, c) = self.momentum_and_vectors(bodies)
+        return self._terms(D, couplings, (_ratio(a, b), _ratio(a, c), _ratio(b, c)))
+
+    def momentum_and_vectors(self, bodies: Array) -> tuple[Vectors, Vectors, Vectors]:
+        """Constant parts (...) of D, couplings of bodies 0 1, 0 2 and 1 2 (2, ...), and a, b, c.
+
+        Couplings are complex numbers, which vary with the angles between the bodies.
+        """
         m = np.moveaxis(bodies[..., 0], -1, 0)
         J = [_inertia_about(self.axes[i, 0], bodies[..., i, 4:]) for i in range(4)]
         s = [_components(self.axes[i, 1:], bodies[..., i, 1:4]) for i in range(4)]
@@ -103,8 +112,7 @@ class ArmPlane:
             J[3] + at_wrist * _dot(c, c) - share * _dot(u2, u2),
         )
         z0, z1, z2 = p - u0 * share, b - u1 * share, c - u2 * share
-        coupling = _ratio(z0, u1), _ratio(z0, u2), _ratio(z1, u2)
-        return self._terms(D, coupling, (_ratio(z0, z1), _ratio(z0, z2), _ratio(z1, z2)))
+        return D, (_ratio(z0, u1), _ratio(z0, u2), _ratio(z1, u2)), (z0, z1, z2)
 
     def is_symmetric(self, bodies: Array) -> BoolArray:
         """Whether the motion in the plane is independent of the motion out of it.
@@ -131,9 +139,7 @@ class ArmPlane:
                 largest = np.maximum(largest, defects)
         return np.asarray(largest <= _SYMMETRY * size)
 
-    def _terms(
-        self, D: tuple[Array, ...], coupling: tuple[Array, ...], area: tuple[Array, ...]
-    ) -> Array:
+    def _terms(self, D: Vectors, coupling: Vectors, area: Vectors) -> Array:
         """The coefficients of S, from constant and varying parts of D and the vector products."""
         pairs = self._pairs
         phases = pairs[0], pairs[2], pairs[1]  # of bodies 0 and 1, 0 and 2, 1 and 2

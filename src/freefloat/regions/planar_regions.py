@@ -16,7 +16,9 @@ import numpy as np
 import numpy.typing as npt
 
 from freefloat.attitude_grids import low_discrepancy
-from freefloat.dynamics.measures import plane_axes, singularity_measure
+from freefloat.dynamics.arm_factor import ArmPlane
+from freefloat.dynamics.denavit_hartenberg import link_frames
+from freefloat.dynamics.measures import singularity_measure
 from freefloat.dynamics.plane import plane_of
 from freefloat.dynamics.tasks import Task
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
@@ -31,8 +33,6 @@ Interval = tuple[float, float]
 
 _GRID = 721
 """Angles per joint, half a degree apart."""
-_FITTED_ANGLES = 8
-"""Angles per joint to fit S, a trigonometric polynomial of degree two, which fewer determine."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -217,19 +217,21 @@ def elbow_arm(model: FreeFloatingModel) -> PlanarArm:
 
     It lies in the plane that the first joint rotates, x across that joint and y along it. Its point
     3 is the wrist centre of the virtual manipulator, at the same distance from the centre of mass.
-    Its inertia is one that gives this S and has no other meaning.
+    Its momentum is the momentum about the normal while the end-effector does not rotate.
 
     Raises:
         InputError: For arms without that measure, see
             :func:`~freefloat.dynamics.measures.singularity_measure`.
     """
-    axes = plane_axes(model, Task.POSE)
-    virtual = VirtualManipulator.of(model)
-    _, _, points, joint_axes = virtual.kinematics(np.zeros(6))
-    corners = [points[1, 0], points[2, 0], _wrist(virtual)]
-    links = np.diff([0.0, *(complex(axes[1] @ p, axes[2] @ p) for p in corners)])
-    signs = np.sign(joint_axes[1:3, 0] @ axes[0])
-    arm = PlanarArm(links, _fitted_inertia(model, links, signs), signs)
+    singularity_measure(model, Task.POSE, "arm")  # refuses other arms
+    frames, virtual = link_frames(model), VirtualManipulator.of(model)
+    plane = ArmPlane.of(frames)
+    D, couplings, vectors = plane.momentum_and_vectors(frames.bodies)
+    inertia, above = np.diag(D).astype(complex), np.triu_indices(3, 1)
+    inertia[above] = [complex(*coupling) for coupling in couplings]
+    inertia.T[above] = inertia[above].conj()
+    links = np.array([complex(*vector) for vector in vectors])
+    arm = PlanarArm(links, inertia, np.array([1.0, plane.sense]))
     joints = np.pi * (2.0 * low_discrepancy(64, 6) - 1.0)
     positions, rotations, _, _ = virtual.kinematics(joints)
     distances = np.linalg.norm(positions + rotations @ wrist_in_tool(virtual), axis=1)
@@ -251,32 +253,3 @@ def _wrist(virtual: VirtualManipulator) -> Array:
     if virtual.wrist_centre is None:
         raise InputError("task", "the wrist is not spherical", "last three axes through one point")
     return virtual.wrist_centre
-
-
-def _fitted_inertia(model: FreeFloatingModel, links: Complex, signs: Array) -> Complex:
-    """The inertia, in which S is linear, by least squares on a grid; the fit must be exact."""
-    measure = singularity_measure(model, Task.POSE, "arm")
-    axis = 2.0 * np.pi * np.arange(_FITTED_ANGLES) / _FITTED_ANGLES
-    joints = np.stack(np.meshgrid(axis, axis), axis=-1).reshape(-1, 2)
-    S = np.array([measure(np.array([0.0, q2, q3, 0.0, 0.0, 0.0])) for q2, q3 in joints.tolist()])
-    units = _hermitian_units()
-    arms = [PlanarArm(links, unit, signs) for unit in units]
-    matrix = np.stack([arm.determinant(two_angles(arm, joints)) for arm in arms], axis=1)
-    coefficients = np.linalg.lstsq(matrix, S, rcond=None)[0]
-    if np.abs(matrix @ coefficients - S).max() > 1e-9 * np.abs(S).max():
-        raise InputError(
-            "margin.measure", "this arm's S(q2, q3) is not that of an arm in a plane",
-            "an elbow arm with a spherical wrist",
-        )  # fmt: skip
-    return np.asarray(np.einsum("k,kij->ij", coefficients, units))
-
-
-def _hermitian_units() -> Complex:
-    """A basis of the Hermitian matrices, shape (9, 3, 3)."""
-    units = []
-    for i, j in zip(*np.triu_indices(3), strict=True):
-        for factor in (1.0,) if i == j else (1.0, 1.0j):
-            unit = np.zeros((3, 3), dtype=complex)
-            unit[i, j], unit[j, i] = factor, np.conj(factor)
-            units.append(unit)
-    return np.array(units)
