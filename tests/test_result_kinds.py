@@ -129,10 +129,15 @@ def test_each_motion_of_an_answer_is_exported(name: str, tmp_path: Path) -> None
 
 
 @pytest.mark.parametrize("name", ANSWERS)
-def test_a_notebook_shows_what_the_command_prints(name: str) -> None:
+def test_a_notebook_shows_what_the_command_prints(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     last = next(phase.motion for phase in result(name).phases if phase.motion is not None)
     joint = f"{last.initial.joints[0]:.4f}"
-    shown = result(name)._repr_html_()
+    with monkeypatch.context() as patch:
+        patch.setattr("rich.console._is_jupyter", lambda: True)
+        patch.setattr("rich.jupyter.display", lambda *_: pytest.fail("it is shown twice"))
+        shown = result(name)._repr_html_()
     assert shown.startswith("<pre")
     assert joint in shown or f"{last.final.joints[0]:.4f}" in shown
 

@@ -64,3 +64,6 @@ def test_rates_of_many_states_are_those_of_each(robot: str) -> None:
         D, Dq = inertia_matrices(model, joints[place])
         expected = np.linalg.solve(D, carried[place] - Dq @ rates[place])
         np.testing.assert_allclose(omega[place], expected, atol=1e-12)
+    wrong = attitudes.as_quat() * np.array([1.0, 1.0, 1.0, 2.0, 1.0, 1.0])[:, None]
+    assert error_key(system.base_rate, wrong, joints, rates) == "attitude"
+    assert error_key(system.base_rate, attitudes.as_quat(), joints, np.nan * rates) == "rates"

@@ -76,6 +76,16 @@ def test_a_problem_without_limits_has_none_when_it_is_loaded(tmp_path):
         assert loaded.to_dict() == result.to_dict()
 
 
+@pytest.mark.parametrize("objective", ["margin", {"margin": np.float32(1.0), "turn": np.int64(1)}])
+def test_a_search_with_numbers_of_numpy_is_saved(objective, tmp_path):
+    problem = ff.load_scenario("planar_2dof/line").problem()
+    joints = dict(zip(problem.model.joint_names, np.float32([-0.9, 2.1]), strict=True))
+    plan = ff.plan(problem, ff.Search(objective, [0.0, 0.0, 0.0, 1.0], joints=joints))
+    json.dumps(plan.to_dict())
+    ff.save(plan, tmp_path / "result.h5")
+    assert ff.load(tmp_path / "result.h5").search.to_dict() == plan.search.to_dict()
+
+
 @pytest.mark.parametrize("name", ["spatial_6dof/line", "planar_3dof/parabola"])
 def test_a_file_has_the_joints_that_the_arm_of_a_problem_starts_near(name, tmp_path):
     problem = ff.load_scenario(name).problem()

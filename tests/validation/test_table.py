@@ -242,6 +242,7 @@ def test_attitudes_that_leave_the_table_are_refused() -> None:
     for wrong in (
         lambda: problem.branches(tilted),
         lambda: system.base_rate(tilted, q, q),
+        lambda: system.base_rate([heading_quaternion(0.4), tilted], [q, q], [q, q]),
         lambda: system.base_twist(tilted, q, q),
         lambda: ff.capture(system, client, tilted, q, q),
     ):

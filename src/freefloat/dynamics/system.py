@@ -10,7 +10,7 @@ import numpy.typing as npt
 from freefloat.dynamics.momentum import conserved, conserved_inertias, momentum_map
 from freefloat.dynamics.plane import LEVEL
 from freefloat.errors import InputError, finite_vector
-from freefloat.robot.joint_values import finite_after
+from freefloat.robot.joint_values import configurations, finite_after
 from freefloat.robot.model import FreeFloatingModel, require_model
 from freefloat.rotations import rotation_matrix
 from freefloat.so3 import Array, frozen, turned, unit_quaternion, zeros
@@ -105,6 +105,11 @@ class System:
         D, Dq = conserved_inertias(self.model, joints)
         if D.ndim == 2:
             attitude, rates = self.attitude(attitude), self._rates(rates)
+        else:
+            rates, attitude = configurations(rates, self.model.dof, "rates"), np.asarray(attitude)
+            wrong = np.abs(np.linalg.norm(attitude, axis=1) - 1.0)
+            wrong += self.model.on_table * np.abs(attitude[:, :2]).sum(axis=1)
+            self.attitude(attitude[wrong.argmax()])
         h = turned(rotation_matrix(attitude).swapaxes(-1, -2), self.momentum)
         demanded = h - self.wheels - turned(Dq, np.asarray(rates))
         return np.asarray(np.linalg.solve(D, demanded[..., None])[..., 0])

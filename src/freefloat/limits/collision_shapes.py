@@ -136,11 +136,11 @@ def _solids(shape: LinkShape, source: str) -> tuple[_Solid, ...]:
         case Box(size=size):
             solid = coal.Box(*size)
         case Cylinder(radius=radius, length=length):
-            solid = coal.Cylinder(radius, length)
+            solid = coal.Cylinder(float(radius), float(length))
         case Capsule(radius=radius, length=length):
-            solid = coal.Capsule(radius, length)
+            solid = coal.Capsule(float(radius), float(length))
         case Sphere(radius=radius):
-            solid = coal.Sphere(radius)
+            solid = coal.Sphere(float(radius))
         case MeshFile(filename=name, scale=scale):
             file = find_mesh(name, source)
             return _mesh_solids(file, file.stat().st_mtime_ns, *scale)

@@ -117,6 +117,8 @@ class Problem(BranchesOnPath):
             InputError: If a value is missing, or parts do not suit one another.
         """
         if end_effector is not None and not isinstance(end_effector, str):
+            if path is not None:
+                raise InputError("path", "it was given twice", "one path")
             path, end_effector = end_effector, None
         robot = model_of(model, end_effector)
         timed = path_of(path, duration)

@@ -49,6 +49,7 @@ class MarginMap:
         count = self.results.joints.shape[2]
         if count != self.problem.dof:
             raise InputError("results", f"they have {count} joints", "those of the robot")
+        self.results.attitudes.setflags(write=False)
 
     @property
     def attitudes(self) -> Array:

@@ -142,8 +142,9 @@ class Weights(Objective):
     measures_turn = True
 
     def __post_init__(self) -> None:
-        for name, weight in vars(self).items():
-            finite_number(f"search.objective.{name}", weight, "a number, 0 or more", 0.0)
+        for name, weight in vars(self).copy().items():
+            number = finite_number(f"search.objective.{name}", weight, "a number, 0 or more", 0.0)
+            object.__setattr__(self, name, number)
         if not any(vars(self).values()):
             raise InputError("search.objective", "all weights are zero", "one that is positive")
 

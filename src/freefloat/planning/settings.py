@@ -136,7 +136,9 @@ class Search:
             attitude = unit_quaternion("search.from_attitude", self.from_attitude)
             object.__setattr__(self, "from_attitude", frozen(attitude))
         if isinstance(self.joints, Mapping):
-            object.__setattr__(self, "joints", dict(self.joints))
+            pairs = self.joints.items()
+            plain = {k: v.item() if isinstance(v, np.generic) else v for k, v in pairs}
+            object.__setattr__(self, "joints", plain)
         elif self.joints is not None:
             accepted = "present joints, in chain order or by name"
             joints = frozen(number_array("search.joints", self.joints, accepted))

@@ -37,16 +37,16 @@ def finite_after(head: Array, key: str, values: npt.ArrayLike, count: int) -> Ar
     return np.concatenate((head, finite_vector(key, values, count)))
 
 
-def configurations(joints: npt.ArrayLike, n: int) -> Array:
+def configurations(joints: npt.ArrayLike, n: int, key: str = "joints") -> Array:
     """Joint values as an array of shape (K, n); one configuration (n,) is a row.
 
     Raises:
         InputError: If the shape is another one, or a value is not finite.
     """
     accepted = f"finite, shape (K, {n})"
-    q = np.atleast_2d(number_array("joints", joints, accepted))
+    q = np.atleast_2d(number_array(key, joints, accepted))
     if q.ndim != 2 or q.shape[1] != n or not np.isfinite(q).all():
-        raise InputError("joints", f"shape {q.shape} was given", accepted)
+        raise InputError(key, f"shape {q.shape} was given", accepted)
     return q
 
 

@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import AbstractContextManager, ExitStack, closing, nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
+from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -83,6 +84,7 @@ def run_study(
         1.0
     """
     require_type("study", study, Study, "load_study(...)")
+    require_type("folder", folder, str | PathLike, "the name of a folder")
     require_usable(study, workers, scheduler, until)
     folder, runs = Path(folder), runs_text(study.count)
     step = stages or (lambda name: nullcontext((name == runs and progress) or (lambda done: None)))

@@ -73,7 +73,7 @@ class Check:
     passed: bool
     detail: str = ""
     stated: Any = None
-    recomputed: float | None = None
+    recomputed: Any = None
     allowed: float | None = None
     unit: str = ""
     time: float | None = None
@@ -85,7 +85,7 @@ class Check:
         if self.recomputed is None or self.allowed is None or self.relation not in "≤≥":
             return False
         recomputed, allowed = self.recomputed, self.allowed
-        return recomputed > allowed if self.relation == "≤" else recomputed < allowed
+        return bool(recomputed > allowed if self.relation == "≤" else recomputed < allowed)
 
     @property
     def reason(self) -> str:

@@ -12,7 +12,15 @@ from matplotlib.figure import Figure
 from freefloat.errors import InputError
 from freefloat.io.trajectory import Trajectory
 from freefloat.motion.motion import Motion
-from freefloat.visualization.figure_style import BLACK, PAGE, PALE, legend_above, new_figure, styled
+from freefloat.visualization.figure_style import (
+    BLACK,
+    PAGE,
+    PALE,
+    legend_above,
+    new_figure,
+    plain,
+    styled,
+)
 from freefloat.visualization.motion_figures import (
     attitude_curves,
     draw_panel,
@@ -75,7 +83,7 @@ def _draw(panels: Any, motion: Motion, longest: int) -> None:
     curves = [
         (f"$S$ ({measure.title})", trajectory.measure[:, None], ("S",), measure.unit),
         ("heading" if setting.has_headings else attitude, angles, names, "deg"),
-        ("joints", scale * trajectory.joints, setting.model.joint_names, unit),
+        ("joints", scale * trajectory.joints, [*map(plain, setting.model.joint_names)], unit),
     ]
     for panel, drawn in zip(panels, curves, strict=True):
         draw_panel(panel, trajectory, drawn, named=False)

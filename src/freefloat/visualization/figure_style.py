@@ -124,6 +124,11 @@ def new_figure(width: float = COLUMN, height: float = 2.4) -> Figure:
     return _NotebookFigure(figsize=(width, height), layout="constrained")
 
 
+def plain(name: str) -> str:
+    """A name that users gave, whose dollar signs begin no formula."""
+    return name.replace("$", r"\$")
+
+
 def axis_label(quantity: str, unit: str) -> str:
     """A quantity and its unit in brackets, if it has one; ``m^2`` becomes a superscript."""
     return f"{quantity} [{_raised(unit)}]" if _raised(unit) else quantity

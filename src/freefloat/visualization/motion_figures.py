@@ -100,7 +100,7 @@ def _motion_figure(motion: Motion, trajectory: Trajectory) -> Figure:
     figure = style.new_figure(style.PAGE, 5.0)
     panels = figure.subplots(3, 2, sharex=True)
     scale, unit = joint_scale(setting.model)
-    joints = setting.model.joint_names
+    joints = [*map(style.plain, setting.model.joint_names)]
     axes: Sequence[str] = _AXES
     level, spun, frame = axes, "xyz", np.eye(3)
     if setting.has_headings:
@@ -229,7 +229,7 @@ def angles_figure(motion: Motion, limits: AttitudeLimits) -> Figure:
     times = shown_times(motion)
     curves = limited_angles(motion, limits)
     for axes, (name, side, allowed, angles) in zip(panels, curves, strict=True):
-        axes.plot(times, np.degrees(angles), color=style.BLUE, label=name)
+        axes.plot(times, np.degrees(angles), color=style.BLUE, label=style.plain(name))
         bound = np.degrees(allowed)
         axes.axhline(bound, label=f"{side} {style.digits(bound)}°", **style.MARGIN_LINE)
         low, high = axes.get_ylim()

@@ -230,4 +230,4 @@ def _short(text: str, length: int) -> str:
     if len(text) > length:
         words = re.sub(r"^[^ .[]*[ .](?!\[)", "", text[1 - length :])
         text = f"\N{HORIZONTAL ELLIPSIS}{words}"
-    return text.replace("$", r"\$")
+    return style.plain(text)

@@ -125,7 +125,7 @@ def joint_unit(found: SingularityMap, joint: int) -> tuple[str, float]:
 def joint_value(found: SingularityMap, joint: int, value: float) -> str:
     """A joint's name and value, such as ``q1 = 30°``."""
     unit, factor = joint_unit(found, joint)
-    name = found.model.joint_names[joint]
+    name = style.plain(found.model.joint_names[joint])
     return f"{name} = {style.digits(factor * value)}" + ("°" if unit == "deg" else " m")
 
 
@@ -272,7 +272,7 @@ def _beneath_zeros(values: Array) -> npt.NDArray[np.bool_]:
 
 def _frame(axes: Any, plane: JointSection, units: Sequence[tuple[str, float]]) -> None:
     """Name the axes, and put ticks at quarters of a revolution."""
-    names = [plane.found.model.joint_names[joint] for joint in plane.joints]
+    names = [style.plain(plane.found.model.joint_names[joint]) for joint in plane.joints]
     axes.set_xlabel(style.axis_label(names[0], units[0][0]))
     axes.set_ylabel(style.axis_label(names[1], units[1][0]), labelpad=0.0)
     quarters = np.arange(-180, 181, 90)

@@ -79,7 +79,7 @@ def _manoeuvre_figure(manoeuvre: Manoeuvre) -> Figure:
             )
         _draw_pointing(angles, phase, motion)
         for name, joint in zip(motion.model.joint_names, values.T, strict=True):
-            joints.plot(at, scale * joint, label=name, **styles[name])
+            joints.plot(at, scale * joint, label=style.plain(name), **styles[name])
         of = motion.setting.margin.measure
         measure.semilogy(at, [max(abs(of(q)), 1e-12) for q in values], color="C2", linestyle="-")
         threshold = motion.setting.margin.threshold
@@ -107,9 +107,8 @@ def _draw_pointing(panels: list[Axes], phase: PhaseResult, motion: Motion) -> No
     for axes, (name, side, allowed, values) in zip(panels, curves, strict=False):
         axes.plot(times, np.degrees(values), color="C0", linestyle="-")
         axes.hlines(np.degrees(allowed), times[0], times[-1], **style.MARGIN_LINE)
-        axes.set_ylabel(
-            f"{style.axis_label(name, 'deg')}\n{side} {style.digits(np.degrees(allowed))}°"
-        )
+        angle = style.axis_label(style.plain(name), "deg")
+        axes.set_ylabel(f"{angle}\n{side} {style.digits(np.degrees(allowed))}°")
 
 
 def _sampled(motion: Motion) -> tuple[Array, Array, Array]:
@@ -124,8 +123,9 @@ def _mark(figure: Figure, phases: tuple[PhaseResult, ...]) -> None:
         if phase.duration > 0.0:
             middle = phase.start + phase.duration / 2.0
             figure.axes[0].annotate(
-                phase.name, (middle, 1.0), (0, 3 + 9 * (number % 2)), ha="center", fontsize=8,
-                xycoords=("data", "axes fraction"), textcoords="offset points",
+                style.plain(phase.name), (middle, 1.0), (0, 3 + 9 * (number % 2)),
+                ha="center", fontsize=8, textcoords="offset points",
+                xycoords=("data", "axes fraction"),
             )  # fmt: skip
 
 

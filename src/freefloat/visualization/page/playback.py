@@ -245,6 +245,7 @@ def playback(
         >>> playback.titles
         ('branch 0 elbow+', 'branch 1 elbow-')
     """
+    require_type("title", title, str, "text")
     match result:
         case Mapping():
             for name, motion in result.items():
