@@ -132,7 +132,7 @@ ANTENNA = ff.PointingLimit(
     "spacecraft", [0.0, 1.0, 0.0], 0.6, direction=[-1.0, 0.0, 0.0], name="sun $x^$"
 )
 TRACKER = ff.PointingLimit("end_effector", [1.0, 0.0, 0.0], 0.5, "outside", point=[4.0, 1.0, 0.0])
-NAMES = [r"spacecraft (sun \$x^\$)", "end_effector (pointing.1)", "turn of the spacecraft"]
+NAMES = [r"sun \$x^\$", "end_effector (pointing.1)", "turn of the spacecraft"]
 
 
 @pytest.mark.slow
