@@ -16,6 +16,8 @@ Progress = Callable[[float], None]
 """Called with the fraction done, in [0, 1], during a long computation."""
 _WAIT = 0.2
 """Longest time between two checks of signals [s]."""
+_starting = threading.RLock()
+"""Held while the environment is that of started processes."""
 _SETTINGS = {"PYTHONSAFEPATH": "1", "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
 """Environment of started processes: ``python -c`` imports nothing from the current folder; threads
 of BLAS would wait for one another longer than small matrices take."""
@@ -91,17 +93,18 @@ def isolated_starts() -> Iterator[None]:
 
     They begin with ``python -c``, which would import a ``multiprocessing.py`` that lies there.
     """
-    before = {name: os.environ.get(name) for name in _SETTINGS}
-    os.environ.update(_SETTINGS)
-    try:
-        resource_tracker.ensure_running()
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value
+    with _starting:
+        before = {name: os.environ.get(name) for name in _SETTINGS}
+        os.environ.update(_SETTINGS)
+        try:
+            resource_tracker.ensure_running()
+            yield
+        finally:
+            for name, value in before.items():
+                if value is None:
+                    del os.environ[name]
+                else:
+                    os.environ[name] = value
 
 
 @contextmanager

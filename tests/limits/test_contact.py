@@ -9,6 +9,7 @@ import trimesh
 import freefloat as ff
 from freefloat.errors import ModelError
 from freefloat.limits.check import deepest_contact, why_unchecked
+from freefloat.limits.pairs import CollisionPairs
 from freefloat.limits.result import LimitResult
 from freefloat.motion.motion import Motion
 from tests.errors import error_key
@@ -31,6 +32,13 @@ def mast(x: float, z: float = 0.15, shape: str = BALL) -> str:
     return f'{joint}<link name="mast">{inertial}{shape}</link>'
 
 
+SCENARIO = """
+robot: {urdf: r.urdf, end_effector: hand}
+task: position
+path: {line: {from: [1, 0, 0], to: [1.4, 0, 0]}}
+timing: {duration: 10}
+margin: {value: 0}
+"""
 IN_THE_WAY = mast(1.0 + 0.37 * RELATIVE)
 """Two balls of 0.1 m whose centres pass each other at 0.15 m: they overlap by 0.05 m."""
 
@@ -149,3 +157,22 @@ def test_motions_to_goals_keep_away_from_bodies_without_a_clearance() -> None:
     assert through.contact.bodies[1] == "ball"
     assert through.contact.depth > 0.04
     assert through.duration < around.duration
+
+
+def test_robots_and_scenarios_are_of_the_folder_where_they_were_read(tmp_path, monkeypatch) -> None:
+    """Also after the program has changed its working folder, where other files have these names."""
+    text = prismatic_robot(shape_text('<mesh filename="m.stl"/>'), BALL)
+    for name, size in (("read", 3.0), ("other", 0.2)):
+        folder = tmp_path / name
+        folder.mkdir()
+        trimesh.creation.box((size, size, size)).export(folder / "m.stl")
+        (folder / "r.urdf").write_text(text.replace("90.0", f"{30.0 * size}"))
+        (folder / "s.yaml").write_text(SCENARIO)
+    monkeypatch.chdir(tmp_path / "read")
+    whole = ff.load_scenario(tmp_path / "read" / "s.yaml").problem().model
+    scenario, model = ff.load_scenario("s.yaml"), ff.FreeFloatingModel.from_urdf("r.urdf", "hand")
+    monkeypatch.chdir(tmp_path / "other")
+    for found in (model, scenario.problem().model):
+        assert found.total_mass == whole.total_mass
+        distances = (CollisionPairs(robot).distances(np.zeros(3), [0]) for robot in (found, whole))
+        assert next(distances) == next(distances)

@@ -87,7 +87,7 @@ def _origin(model: FreeFloatingModel, scenario: Scenario | None) -> dict[str, An
         "end_effector": model.end_effector,
         "joint_names": model.joint_names,
         "robot": model.description.text,
-        "robot_file": path_text(os.path.abspath(model.description.source)),
+        "robot_file": path_text(os.path.abspath(model.description.file)),
         "base": str(model.base),
         "gravity": json.dumps(model.gravity),
         "held": json.dumps(dict(model.fixed_joints)),

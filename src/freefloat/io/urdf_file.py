@@ -107,7 +107,7 @@ def write_urdf(model: FreeFloatingModel, file: Path, copy_meshes: bool = False) 
         ModelError: If another reader of URDFs refuses the robot.
     """
     robot = etree.fromstring(model.description.text)
-    source = model.description.source
+    source = model.description.file
     _require_readable(robot)
     found: dict[str, Path] = {}
     missing: dict[str, str] = {}

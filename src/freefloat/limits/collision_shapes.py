@@ -83,7 +83,7 @@ def shapes_of_links(model: FreeFloatingModel, *, visuals: bool) -> tuple[OwnedSh
     for name, shapes in chosen.items():
         body, pose = model.link_places[name]
         placed = [replace(shape, origin=pose @ shape.origin) for shape in shapes]
-        owners.append(_owned(f"link {name}", name, body, placed, source))
+        owners.append(_owned(f"link {name}", name, body, placed, model.description.file))
     return tuple(owners)
 
 
@@ -143,15 +143,16 @@ def _solids(shape: LinkShape, source: str) -> tuple[_Solid, ...]:
             solid = coal.Sphere(float(radius))
         case MeshFile(filename=name, scale=scale):
             file = find_mesh(name, source)
-            return _mesh_solids(file, file.stat().st_mtime_ns, *scale)
+            state = file.stat()
+            return _mesh_solids(file, (state.st_mtime_ns, state.st_size), *scale)
         case _:
             raise MeshFileError("its <geometry> is unknown or has no size")
     return ((solid, corners(shape.geometry)),)
 
 
 @lru_cache(maxsize=256)
-def _mesh_solids(file: Path, modified_ns: int, *scale: float) -> tuple[_Solid, ...]:
-    """Convex parts of a mesh file; the time of its change is a key of the cache."""
+def _mesh_solids(file: Path, state: tuple[int, int], *scale: float) -> tuple[_Solid, ...]:
+    """Convex parts of a mesh file; time of its change and size are keys of the cache."""
     from freefloat.robot.meshes import read_mesh  # trimesh imports slowly
 
     meshes = [part.mesh for part in read_mesh(file, scale)]

@@ -140,6 +140,7 @@ def _cut(motion: Motion, f: Callable[[Array], Array], level: float, ending: Endi
     return motion if u is None else motion.cut(u, ending)
 
 
+@np.errstate(under="ignore")  # of SciPy's shortest step at time zero
 def _integrate(
     problem: Problem, flow: ArcFlow, row: Array, end: float, tolerance: float
 ) -> tuple[Array, Ending]:

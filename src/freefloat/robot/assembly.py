@@ -14,13 +14,14 @@ import pinocchio as pin
 from lxml import etree
 
 from freefloat.errors import InputError, ModelError, did_you_mean, require_type
-from freefloat.robot.description import RobotDescription, rpy_rotation
+from freefloat.robot.description import RobotDescription
 from freefloat.robot.not_read import shown_tag
 from freefloat.robot.parts import Attachment, Mount, Payload, Spacecraft
 from freefloat.robot.source import MeshFileError, RobotSource, find_mesh
 from freefloat.robot.urdf import MOMENTS, decode, rename_meshes, revised
 from freefloat.robot.urdf_xml import MAGNITUDE, Element, require_version, text_of
 from freefloat.robot.validation import part_warnings, read_urdf
+from freefloat.rotations import Rotation
 from freefloat.so3 import Array, Pose
 
 _NAMED = {
@@ -165,7 +166,7 @@ def _attach(robot: Element, attachment: Attachment, root: str, source: str) -> R
         for key in _NAMED[element.tag]:
             if element.get(key):
                 element.set(key, prefix + element.get(key))
-    rename_meshes(other, lambda name: _relocated(source, name, part.source))
+    rename_meshes(other, lambda name: _relocated(source, name, part.file))
     name = _free_name(robot, f"{foot}_mount", other)
     _mount_root(other, foot, carrier, attachment.mount, name)
     clash = _names(robot) & _names(other)
@@ -213,7 +214,7 @@ def _mount_root(robot: Element, root: str, carrier: str, mount: Mount, name: str
         origin = joint.find("origin")
         origin = etree.SubElement(joint, "origin") if origin is None else origin
         xyz, rpy = (np.array(origin.get(key, "0 0 0").split(), float) for key in ("xyz", "rpy"))
-        pose = mount.pose @ Pose(xyz, rpy_rotation(rpy))
+        pose = mount.pose @ Pose(xyz, Rotation.from_rpy(rpy).as_matrix())
         _set_origin(origin, Mount(pose.position, pin.rpy.matrixToRpy(pose.rotation)))
 
 

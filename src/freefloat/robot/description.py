@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
@@ -10,12 +11,11 @@ from typing import Literal
 
 import numpy as np
 
-from freefloat.errors import ModelError
+from freefloat.errors import ModelError, working_folder
 from freefloat.robot.base import Base
 from freefloat.robot.not_read import NotRead
 from freefloat.robot.reader_process import Argument
 from freefloat.robot.shapes import Shape
-from freefloat.rotations import Rotation
 from freefloat.so3 import Array, Pose
 
 MOVING = ("revolute", "continuous", "prismatic")
@@ -212,6 +212,7 @@ class RobotDescription:
         base: How the base of the robot moves.
         left_out: A sentence for each further URDF with elements that the assembly has not.
         disabled_pairs: Pairs of links that are not compared for contact, from an SRDF file.
+        folder: Working folder when it was read, which a program may change.
     """
 
     name: str
@@ -229,7 +230,13 @@ class RobotDescription:
     left_out: tuple[str, ...] = field(default=(), repr=False)
     base: Base = Base.FREE
     disabled_pairs: frozenset[frozenset[str]] = field(default=frozenset(), repr=False)
+    folder: str = field(default_factory=working_folder, repr=False, compare=False)
     tag = "robot"
+
+    @property
+    def file(self) -> str:
+        """Absolute name of the file."""
+        return os.path.join(self.folder, self.source)
 
     @property
     def warnings(self) -> tuple[UrdfDiagnostic, ...]:
@@ -280,9 +287,7 @@ class RobotDescription:
         return {name: self._rigid_group(name) for name in heads if name in self.links_by_name}
 
     def _rigid_group(self, first: str) -> RigidGroup:
-        links = {first: IDENTITY}
-        joints = {}
-        queue = [first]
+        links, queue, joints = {first: IDENTITY}, [first], dict[str, Array]()
         for link in queue:
             for joint in self.children.get(link, ()):
                 pose = links[link] @ joint.origin
@@ -292,8 +297,3 @@ class RobotDescription:
                     links[joint.child] = pose
                     queue.append(joint.child)
         return RigidGroup(links, joints)
-
-
-def rpy_rotation(rpy: Array) -> Array:
-    """The rotation (3, 3) of roll, pitch, yaw about the fixed x, y, z axes in this order [rad]."""
-    return np.asarray(Rotation.from_rpy(rpy).as_matrix())

@@ -11,10 +11,10 @@ import numpy.typing as npt
 import pinocchio as pin
 
 from freefloat.errors import InputError, finite_number, finite_vector, number_array, require_type
-from freefloat.robot.description import rpy_rotation
 from freefloat.robot.named_files import is_file
 from freefloat.robot.plausibility import breaks_triangle
 from freefloat.robot.source import RobotSource
+from freefloat.rotations import Rotation
 from freefloat.so3 import Array, Pose, frozen, zeros
 
 INERTIA = (
@@ -57,7 +57,7 @@ class Mount:
     @property
     def pose(self) -> Pose:
         """The root link's frame in the carrier's frame."""
-        return Pose(self.xyz, rpy_rotation(self.rpy))
+        return Pose(self.xyz, Rotation.from_rpy(self.rpy).as_matrix())
 
 
 @dataclass(frozen=True, eq=False)

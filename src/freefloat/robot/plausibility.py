@@ -263,7 +263,7 @@ def unusable_meshes(robot: RobotDescription) -> Faults:
                 continue
             seen.add((mesh, compared))
             try:
-                file = find_mesh(mesh.filename, robot.source)
+                file = find_mesh(mesh.filename, robot.file)
                 if compared:
                     from freefloat.robot.meshes import read_mesh  # trimesh imports slowly
 

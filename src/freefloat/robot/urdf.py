@@ -26,7 +26,6 @@ from freefloat.robot.description import (
     RobotDescription,
     Severity,
     UrdfDiagnostic,
-    rpy_rotation,
 )
 from freefloat.robot.free_base import with_free_base
 from freefloat.robot.not_read import SHAPES, what_is_not_read
@@ -40,6 +39,7 @@ from freefloat.robot.urdf_xml import (
     read_version,
     robot_element,
 )
+from freefloat.rotations import Rotation
 from freefloat.so3 import Pose, frozen
 
 MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
@@ -258,7 +258,9 @@ class _ElementDecoder(AttributeReader):
             remedy = f'angles in radians; if these are degrees, rpy="{radians}"'
             self.report(Severity.WARNING, origin, problem, remedy)
         rotated = np.isfinite(rpy).all() and rpy.any()
-        return Pose(np.nan_to_num(xyz), rpy_rotation(rpy) if rotated else np.eye(3))
+        return Pose(
+            np.nan_to_num(xyz), Rotation.from_rpy(rpy).as_matrix() if rotated else np.eye(3)
+        )
 
 
 def _lines(parts: Element, owner: Element) -> dict[str, int]:

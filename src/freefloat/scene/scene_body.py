@@ -157,7 +157,7 @@ class SceneBody:
     @property
     def source(self) -> str:
         """File that the names of the body's meshes are relative to."""
-        return self.shape.source if isinstance(self.shape, RobotDescription) else ""
+        return self.shape.file if isinstance(self.shape, RobotDescription) else ""
 
     def shapes(self, kind: Literal["visual", "collision"]) -> tuple[LinkShape, ...]:
         """The body's shapes in its frame, as they are drawn or for collisions.

@@ -184,7 +184,7 @@ def _geometries(
             try:
                 from freefloat.robot.meshes import read_mesh  # Trimesh imports slowly
 
-                parts = read_mesh(find_mesh(filename, model.description.source), scale)
+                parts = read_mesh(find_mesh(filename, model.description.file), scale)
             except MeshFileError:
                 return
             for part in parts:

@@ -160,7 +160,7 @@ class PosedManoeuvre:
     def phases(self) -> tuple[Phase, ...]:
         """What follows the path, see :meth:`.Scenario.phases`."""
         scenario, content = self._scenario, self._scenario.content
-        problem, folder = scenario.problem(), scenario.source.parent
+        problem, folder = scenario.problem(), scenario.file.parent
         keys, phases = list[str](), list[Phase]()
         with scenario.error_context():
             resting = problem.at_rest(problem.path.duration)

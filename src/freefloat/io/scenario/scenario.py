@@ -16,7 +16,7 @@ from freefloat.concurrency import Progress
 from freefloat.dynamics.measures import singularity_measure
 from freefloat.dynamics.redundancy import Redundancy
 from freefloat.dynamics.system import System
-from freefloat.errors import InputError
+from freefloat.errors import InputError, working_folder
 from freefloat.io.scenario.arms_section import curves_of
 from freefloat.io.scenario.limits_section import limits_of
 from freefloat.io.scenario.path_schema import PathSection
@@ -57,6 +57,7 @@ class Scenario:
         robot: The robot, if it does not come from the files that the scenario names.
         shapes: Shapes of bodies of the scene, by name, likewise.
         start_joints: Joints that the arm starts near, of a problem that says so; shape (n,).
+        folder: Working folder when it was read.
     """
 
     source: Path
@@ -66,6 +67,12 @@ class Scenario:
     robot: FreeFloatingModel | None = field(default=None, repr=False)
     shapes: FileShapes = field(default_factory=dict, repr=False)
     start_joints: Array | None = field(default=None, repr=False)
+    folder: str = field(default_factory=working_folder, repr=False, compare=False)
+
+    @property
+    def file(self) -> Path:
+        """The file by a name that leads to it, also after the working folder has changed."""
+        return self.source if self.folder == working_folder() else Path(self.folder, self.source)
 
     def model(self) -> FreeFloatingModel:
         """The robot."""
@@ -73,7 +80,7 @@ class Scenario:
 
     @cached_property
     def _model(self) -> FreeFloatingModel:
-        return self.robot or self.content.robot.to_model(self.source)
+        return self.robot or self.content.robot.to_model(self.file)
 
     def problem(self) -> Problem:
         """The problem that the scenario poses.
@@ -101,9 +108,8 @@ class Scenario:
                 measure = singularity_measure(model, content.task, content.margin.measure)
             if content.margin.fraction is not None:
                 value = content.margin.fraction * largest_magnitude(model, content.task, measure)
-            redundancy = None
-            if content.redundancy is not None:
-                redundancy = Redundancy(**content.redundancy.model_dump(exclude_none=True))
+            stated = content.redundancy
+            redundancy = Redundancy(**stated.model_dump(exclude_none=True)) if stated else None
             if further:
                 timed = PathStack.of(timed, further)
             momentum, margin = np.array(content.momentum), Margin(measure, value)
@@ -116,7 +122,7 @@ class Scenario:
     @cached_property
     def _curves(self) -> ArmCurves:
         content = self.content
-        return curves_of(content.robot.arms, self.model(), self.source, content.timing.duration)
+        return curves_of(content.robot.arms, self.model(), self.file, content.timing.duration)
 
     def frame(self, section: PathSection, arm: str, scene: Scene) -> Pose | SceneBody | None:
         """The frame of a path for the arm with a name, see :func:`.path_section.frame_of`."""
@@ -134,12 +140,11 @@ class Scenario:
             frame = self.frame(section, arm, scene)
         with self.error_context(f"{key}."):
             known = frame if isinstance(frame, Pose) else None
-            path = path_of(section, self.content.task, self.samples, self.source.parent, known)
+            path = path_of(section, self.content.task, self.samples, self.file.parent, known)
         with self.error_context(), file_keys(path=key):
-            drift = np.array(self.content.drift)
             if isinstance(frame, SceneBody):  # it tumbles
-                return RelativePath(frame, path, timing).timed(drift)
-            return TimedPath(path, timing, drift)
+                return RelativePath(frame, path, timing).timed(np.array(self.content.drift))
+            return TimedPath(path, timing, np.array(self.content.drift))
 
     def system(self) -> System:
         """The robot with its momentum, wheels and drift."""
@@ -155,7 +160,7 @@ class Scenario:
     def scene(self) -> Scene:
         """Bodies and corridor; raises an InputError that names the file and the key."""
         with self.error_context():
-            return self.content.scene.to_scene(self.source.parent, self.shapes)
+            return self.content.scene.to_scene(self.file.parent, self.shapes)
 
     def goal(self) -> Any:
         """The goal that the scenario has in place of a path; None where it has a path."""
@@ -181,8 +186,7 @@ class Scenario:
         """What follows the path, see :func:`freefloat.plan_manoeuvre`.
 
         Raises:
-            InputError: If a value is invalid, or a phase cannot follow those before; it names the
-                file and the key.
+            InputError: If a value is invalid, or a phase cannot follow the phases before it.
         """
         if not self.content.phases:
             return ()
@@ -226,10 +230,8 @@ class Scenario:
             >>> ff.load_scenario("planar_2dof/line").plan().feasible
             True
         """
-        key = "goal" if self.content.goal is not None else None
-        if self.content.phases or self.content.search.reorient:
-            key = "phases"
-        if key is None:
+        key = "phases" if self.content.phases or self.content.search.reorient else "goal"
+        if key == "goal" and self.content.goal is None:
             from freefloat.planning.planner import plan
 
             problem, search = self.problem(), self.search()

@@ -157,7 +157,7 @@ def robot_visuals(model: FreeFloatingModel) -> Visuals:
     for link in model.description.links:
         body, place = model.link_places[link.name]
         seen = link.visuals or (link.collisions if link.mass > 0.0 else ())
-        parts = [*drawn_parts(f"link {link.name}", seen, model.description.source, problems)]
+        parts = [*drawn_parts(f"link {link.name}", seen, model.description.file, problems)]
         for number, (visual, geometry, own) in enumerate(parts, start=1):
             colour = visual.colour or _default_colour(body, visual.geometry)
             if body > 0 and np.ptp([colour[:3], grey[:3]]) < _ALIKE:
