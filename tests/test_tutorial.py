@@ -9,7 +9,7 @@ import pytest
 from tests.tutorials import ENDS, MISSION, SCRIPTS, completed
 
 
-def test_there_are_twelve_short_scripts() -> None:
+def test_the_scripts_are_short() -> None:
     assert [script.stem for script in SCRIPTS] == sorted(ENDS)
     for script in SCRIPTS:
         lines = script.read_text(encoding="utf-8").splitlines()
@@ -22,5 +22,4 @@ def test_there_are_twelve_short_scripts() -> None:
 def test_a_script_ends_in_its_number(name: str, tmp_path: Path) -> None:
     """That of the mission is run by the tests of its plan."""
     (script,) = (script for script in SCRIPTS if script.stem == name)
-    names = completed(script, tmp_path)
-    assert name != "05_so3_map" or names["result"].regions
+    completed(script, tmp_path)

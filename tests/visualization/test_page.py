@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 
 import freefloat as ff
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
+from freefloat.motion.law import PathLaw
 from freefloat.planning.space.map_sampling import sample_attitudes
 from freefloat.so3 import heading_quaternion
 from freefloat.visualization.page import pictures
@@ -188,7 +189,9 @@ def test_the_verdict_on_a_motion_below_the_margin_is_not_that_of_a_feasible_one(
     browser: Browser, tmp_path: Path
 ) -> None:
     problem = ff.load_scenario("planar_3dof/parabola_nonstop").problem()
-    motion = ff.simulate(problem, heading=np.radians(55.0), branch=1).chosen.motion
+    chosen = ff.simulate(problem, heading=np.radians(200.0), branch=0).chosen
+    margin = replace(problem.margin, threshold=1.00001 * chosen.closest_approach.value)
+    motion = replace(chosen.motion, law=PathLaw(problem.replace(margin=margin)))
     with opened(browser, ff.playback(motion).save(tmp_path / "page.html")) as page:
         page.ask("freefloat.seek(Infinity)")
         expect(page.page.locator("#states h2")).to_contain_text("falls below the margin")

@@ -87,7 +87,7 @@ def map_(
     delivery = Delivery(console, output, plots=plots, threads=threads)
     delivery.prepare(loaded.source)
     if seed is not None and problem.has_headings:
-        raise InputError("seed", "the task is planar", "a spatial task, whose grid it rotates")
+        raise InputError("seed", "the attitudes are headings", "a spatial task off a table")
     with console.progress("integrating motions") as progress:
         result = loaded.map(
             samples, search=search if seed is None else replace(search, seed=seed),

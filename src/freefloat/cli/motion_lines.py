@@ -110,8 +110,8 @@ def motion_lines(chosen: SimulatedBranch, verbose: bool = True) -> Iterator[str]
     elif motion.panels:
         fastest = float(abs(motion.node_rates[..., 3:]).max())
         if fastest * problem.path.duration > SINGULAR_SPEED:
-            rates = f"joint rates of up to {fastest:.3g} {joint_unit}/s"
-            yield f"  next to a singularity: {rates}, which limits.joint_rate can exclude"
+            unit = joint_unit.replace(", ", "/s or ")
+            yield f"  next to a singularity: joint rates of up to {fastest:.3g} {unit}/s"
     if not verbose:
         return
     yield f"  final attitude   x y z w  {attitude_text(final.attitude)}, t = {final.time:.4f} s"

@@ -51,8 +51,8 @@ def plan(
 ) -> None:
     """Find the feasible initial attitudes of a path, and choose one; or a motion to a goal.
 
-    For planar tasks all feasible headings are listed. For spatial tasks the motions from a grid of
-    attitudes are integrated (search.samples in the scenario, default 4,096), and the choice is
+    For planar tasks and on a table all feasible headings are listed. Else the motions from a grid
+    of attitudes are integrated (search.samples in the scenario, default 4,096), and the choice is
     refined between them; search.from_attitude is tried, too. The chosen motion keeps joint ranges
     and the scenario's limits, too. Where limits alone are violated, the motion that comes nearest
     to keeping them is shown and written; where no motion keeps the margin, no page is. A scenario

@@ -16,7 +16,8 @@ from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array
 
 SINGULAR_SPEED = 2e4
-"""Joint speed times duration above which integrators take a redundant arm for singular [rad, m]."""
+"""Joint speed times duration above which integrators take a redundant arm for singular, and of
+which ``simulate`` warns [rad, m]."""
 SPINNING_SPEED = 3e2
 """Joint speed times duration for the task ``pointing``: an arm that rolls about its last axis spins
 that joint as a reaction wheel of tiny effect where it would otherwise become singular."""

@@ -42,7 +42,7 @@ def simulate_many(
     Args:
         problem: Robot, path, momentum and margin without disturbances.
         attitudes: Initial attitudes of the spacecraft, quaternions x, y, z, w, (4,) or (K, 4).
-        headings: For planar tasks, in their place: angles about the normal of the plane [rad].
+        headings: In their place, in a plane or on a table: angles about its normal [rad].
         branch: Integrate the arm branch with this number.
         joints: Integrate the arm branch nearest to these joint values at each attitude, shape (n,);
             of a redundant arm the configuration to which Newton's method converges from them, if

@@ -98,7 +98,7 @@ class PhaseResult:
 
     def to_dict(self) -> dict[str, Any]:
         """The phase as a JSON document."""
-        own = {
+        return self.result.to_dict() | {  # whose duration may be the duration of the path
             "name": self.name,
             "kind": self.kind,
             "start": self.start,
@@ -106,7 +106,6 @@ class PhaseResult:
             "feasible": self.feasible,
             "start_centre_of_mass": self.centre.tolist(),
         }
-        return own | self.result.to_dict() | own  # a plan's duration is the duration of its path
 
 
 def violation_of(results: Iterable[LimitResult]) -> str:

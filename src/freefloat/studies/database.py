@@ -72,10 +72,10 @@ class StudyDatabase:
         return is_whole(self.folder / FILES / "undisturbed.h5")
 
     def worst_without_file(self, count: int) -> list[int]:
-        """Numbers of runs without a whole file, of the ``count`` runs with the smallest margins."""
+        """Numbers of the ``count`` worst runs, by margin, which have no whole file."""
         from freefloat.io.verified_hdf5 import is_whole  # imports slowly
 
-        order = "margin, verdict = 'feasible', number"  # runs without a margin come first
+        order = "margin IS NULL, margin, verdict = 'feasible', number"
         query = f"SELECT number, file FROM runs WHERE verdict != 'error' ORDER BY {order}"
         ranked = self.rows.query(f"{query} LIMIT {count}")
         return [number for number, file in ranked if not (file and is_whole(self.folder / file))]

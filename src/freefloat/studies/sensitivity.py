@@ -101,7 +101,7 @@ def sensitivities(study: Study) -> list[Sensitivity]:
     The indices are computed from 2,048 pairs of draws and their mixtures, integrated beside the
     runs of the study. Motions so near to margin or limits that a precise motion would decide count
     as they are. Empty for studies that ensembles do not decide, that list values, or in which the
-    arm branches of a hundredth of the robots would be looked for one by one; without indices of
+    more than 2 of the first 256 draws need the model of a robot of their own; without indices of
     feasibility where limits need precise or recorded motions, and of what does not vary.
     """
     if study.variation.listed or group_numbers(study)[0] < 0:
@@ -112,12 +112,12 @@ def sensitivities(study: Study) -> list[Sensitivity]:
     (group, _), keys = grouped(mixed, 0), list(study.content.vary)
     if group is None:
         return []
-    by_models = group.starts_at_best or group.problem.redundant
-    if by_models and any(key.startswith("robot.") for key in keys):
+    varied_robots = any(key.startswith("robot.") for key in keys)
+    if varied_robots and (group.starts_at_best or group.problem.redundant):
         return []
     decides = not (group.others or group.recorded.names)
     group, count = replace(group, recorded=group.recorded.without), (len(keys) + 2) * _PAIRS
-    if _models_of(group, min(_TRIED, count)) > _MODELS:
+    if varied_robots and _models_of(group, _TRIED) > _MODELS:
         return []
     numbers, motions = group.integrate(np.arange(count), available_cores())
     known = np.zeros(count, dtype=bool)

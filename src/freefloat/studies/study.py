@@ -70,7 +70,7 @@ class Study:
 
     @property
     def kept_files(self) -> int:
-        """Number of runs whose result files are kept, those with the smallest margins."""
+        """Number of runs whose result files are kept: the worst ones."""
         kind, _, number = self.content.files.partition(" ")
         if kind == "none" or self.content.command is Command.TRACK:
             return 0

@@ -126,7 +126,7 @@ class StudyFile(Section):
     """Commands simulate and track: initial attitude of the spacecraft, quaternion x, y, z, w.
     Without it, track follows the plan of the scenario."""
     heading_deg: Number | None = None
-    """Commands simulate and track, planar tasks: initial heading of the spacecraft [degrees]."""
+    """Commands simulate and track, planar tasks, tables: heading of the spacecraft [degrees]."""
     start: StartSection | None = None
     """With attitude or heading_deg, the arm branch. Default: the one that simulate chooses for the
     unvaried scenario; where attitudes vary, but not about one attitude, the best of each run, with

@@ -123,7 +123,7 @@ def robustness_checks(plan: Plan, chosen: SimulatedBranch) -> Iterator[Check]:
 
 
 def _heading_check(plan: Plan, evaluator: FeasibilityEvaluator) -> Check:
-    """Headings just inside the ends of ranges keep the margin, those just outside do not."""
+    """Headings just inside ranges belong to the search and keep the margin, others do not."""
     probes = [probe for entry in plan.ranges for probe in _probes(entry)]
     for heading, branch, stated in (*probes, *_contradictions(plan, evaluator)):
         searched = bool(plan.search.domain.contains(evaluator.problem.plane.attitudes(heading)))
@@ -132,8 +132,8 @@ def _heading_check(plan: Plan, evaluator: FeasibilityEvaluator) -> Check:
         if not searched or _is_feasible(evaluator, heading, branch) is not stated:
             degrees = float(np.degrees(heading % tau))
             verb, where = ("violates", "in") if stated else ("keeps", "outside")
-            margin = "the margin" if searched else "search.within_deg"
-            words = f"heading {degrees:.4f} deg {verb} {margin} {where} a range of branch {branch}"
+            rule = "the margin" if searched else "search.within_deg"
+            words = f"heading {degrees:.4f} deg {verb} {rule} {where} a range of branch {branch}"
             return Check("ranges of headings", False, words, stated, degrees, unit="deg")
     words = f"{len(probes)} headings tested at ends and middles of ranges, and on the whole circle"
     return Check("ranges of headings", True, words)

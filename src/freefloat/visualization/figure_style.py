@@ -21,6 +21,7 @@ from matplotlib.figure import Figure
 from matplotlib.rcsetup import cycler
 
 from freefloat.io.files import make_folder, require_replaceable, require_writable, written_beside
+from freefloat.motion.margin import ROUNDING
 from freefloat.so3 import Array
 
 COLUMN, PAGE = 3.5, 7.16
@@ -149,11 +150,13 @@ def digits(value: float) -> str:
 
 
 def edges_beside(bound: float, values: npt.ArrayLike, count: int) -> Array:
-    """Edges of about ``count`` bars of values, 0 or more; no bar is partly below the bound."""
+    """Edges of about ``count`` bars of magnitudes; no bar is partly below a bound."""
+    bound *= 1.0 - ROUNDING  # values are kept up to rounding
     lowest, highest = np.min(values), np.max(values)
     width = (highest - lowest) / count
     if width <= 1e-9 * highest:  # they are equal but for rounding
-        width = highest / count or 1.0
+        width = highest / count
+    width = max(width, 1e-9 * bound) or 1.0
     first, last = (lowest - bound) / width - 1e-3, (highest - bound) / width + 1e-3
     return np.unique(np.maximum(bound + width * np.arange(np.floor(first), last + 1.0), 0.0))
 

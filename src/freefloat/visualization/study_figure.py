@@ -14,7 +14,6 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from freefloat.dynamics.measures import measure_title
-from freefloat.motion.margin import ROUNDING
 from freefloat.so3 import Array
 from freefloat.statistics import confidence_interval
 from freefloat.visualization import figure_style as style
@@ -151,7 +150,7 @@ def _draw_histogram(axes: Any, margins: Array, verdicts: Column, required: float
     axes.xaxis.set_major_locator(MaxNLocator(5))
     if not parts:
         return
-    edges = style.edges_beside(required * (1.0 - ROUNDING), margins[known], _BINS)
+    edges = style.edges_beside(required, margins[known], _BINS)
     axes.hist(
         [*parts.values()], edges, stacked=True, color=[_MARKS[verdict][1] for verdict in parts],
         label=[f"{verdict} ({len(part):,})" for verdict, part in parts.items()],
@@ -212,7 +211,7 @@ def _draw_estimate(axes: Any, verdicts: Column) -> None:
     alone = len(counts) == 1
     axes.plot(counts, feasible_counts / counts, "o" if alone else "-", color=style.BLUE)
     look: Any = {"color": style.BLUE, "alpha": 0.2, "label": "95 % confidence interval"}
-    axes.fill_between(counts, low, high, linewidth=3.0 * alone, **look)
+    axes.fill_between(counts, low, high, linewidth=3.0 if alone else 0.0, **look)
     axes.set_xscale("log")
     axes.legend(loc="best")
 

@@ -41,7 +41,7 @@ _BOXES, _MOST_BOXES = 2**15, 50_000_000
 _SAMPLE = 2**13
 """Number of boxes of a coarse map from which the number of a finer one is estimated."""
 _OVERESTIMATE = 4.0
-"""Ratio of such estimates to the numbers of fine maps, in which few joints need to be cut."""
+"""Ratio that estimated to true numbers of boxes may have: in fine maps few joints need a cut."""
 _NODES = "joint of a cut, or 252 positive, 253 negative, 254 singular, 255 undecided"
 """Unit of nodes in files."""
 
@@ -222,7 +222,7 @@ def singularity_map(
 
 
 def _require_affordable(polynomial: JointPolynomial, resolution: float) -> None:
-    """Raise an InputError if a map would take too many boxes.
+    """Raise an InputError if a map would certainly take too many boxes.
 
     They are estimated from a coarse map: boxes along the surface det A = 0 of c joints become
     2^(c - 1) times as many where all joints are halved.

@@ -37,7 +37,7 @@ class Analysis(ABC):
         """
         self._scenario, self._text, self._source = scenario, state.text, state.source
         self._search, self._limits = scenario.search(), scenario.limits()
-        self._moving: Motion | None = None
+        self._motion_shown: Motion | None = None
         self._results: Sequence[LimitResult] = ()
         self._shown: tuple[Attitude, int] | None = None
 
@@ -68,9 +68,9 @@ class Analysis(ABC):
 
     def page(self) -> WorkerAnswer:
         """The page that plays the motion shown."""
-        if self._moving is None:
+        if self._motion_shown is None:
             return WorkerAnswer("page", {"refused": "there is no motion"})
-        playback = playback_of(self._moving, self._limits, self._source.stem, self._results)
+        playback = playback_of(self._motion_shown, self._limits, self._source.stem, self._results)
         return WorkerAnswer("page", {"html": playback.html()})
 
     def _show(
@@ -79,7 +79,7 @@ class Analysis(ABC):
     ) -> WorkerAnswer:  # fmt: skip
         """Show a motion with a title and its outcome; without one the attitude and why."""
         self._shown = state.attitude, state.choice
-        self._moving, self._results = motion, ()
+        self._motion_shown, self._results = motion, ()
         if motion is None:
             content = {"outcome": outcome, **place(setting, attitude)}
         else:

@@ -35,7 +35,7 @@ class AttitudeMap(MarginMap):
             refined, ``refine=True``.
         best: The attitude of the largest minimum margin; None where none is feasible, and unless
             the map was refined.
-        robust: The attitude deepest inside the feasible set; None as :attr:`best` is.
+        robust: The attitude deepest inside the feasible set; None where :attr:`best` is None.
         nearest_to: The attitude that :attr:`nearest` was searched for, x, y, z, w.
         nearest: The feasible attitude nearest to it; None where none is.
         boundary: Points on the boundary by bisection; None where none were asked for.

@@ -113,8 +113,8 @@ def attitude_map(
     if problem.has_headings:
         spatial = {"nearest": nearest is not None, "boundary": boundary, "touch": touch}
         for key in (name for name, requested in spatial.items() if requested):
-            accepted = "a spatial task; freefloat plan has ranges"
-            raise InputError(key, "the task is planar", accepted)
+            accepted = "a spatial task off a table; freefloat plan has ranges"
+            raise InputError(key, "the attitudes are headings", accepted)
         count = HEADINGS if samples is None else samples
         headings = sample_headings(evaluator_for(problem, threads, limits), count, search, progress)
         return replace(headings, limits=limits, seconds=time.perf_counter() - start)
@@ -143,7 +143,8 @@ def attitude_map(
             robust=deepest(evaluator, sampled, points, step_of(progress, done, 1.0)),
             regions=find_regions(sampled, evaluator.threads),
         )
-    step_of(progress, 0.0, 1.0)(1.0)
+    if progress is not None:
+        progress(1.0)
     return replace(result, seconds=time.perf_counter() - start)
 
 

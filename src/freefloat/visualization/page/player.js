@@ -119,7 +119,7 @@ class Player {
     if (this.time >= about.duration) this.pause();
   }
 
-  // Text of a scene at the current time; the limits are those that the scene does not know.
+  // Text of a scene at the current time, with limits that were checked after it was made.
   lines(scene, limits) {
     if (!scene.trail) return scene.lines || [];
     const { times, values, fractions } = scene.trail, { measure } = about.scale;

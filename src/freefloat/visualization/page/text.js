@@ -27,14 +27,9 @@ function shortened(value) {
   return size !== 0 && (size < 1e-3 || size >= 1e5) ? value.toExponential(2) : String(+value.toPrecision(4));
 }
 
-// A margin is kept up to rounding; see keeps_threshold in margin.py.
-function above(value, margin) { return value >= margin * (1 - 1e-6); }
-
-function keepsMargin({ trail, margin }) { return above(Math.min(...trail.values), margin); }
-
 // Whether a motion completes, and keeps its margin and all limits.
 function keeps(scene, limits) {
-  return scene.ending === "completed" && keepsMargin(scene) && !scene.lines.length && limits.every(({ kept }) => kept);
+  return scene.ending === "completed" && scene.keeps_margin && !scene.lines.length && limits.every(({ kept }) => kept);
 }
 
 // What a motion does; empty for maps.
@@ -46,7 +41,7 @@ function sentence(scene) {
   if (ending === "margin") return `The arm has used up its margin after ${lasted}, before the end of its path.`;
   const moves = trail.joints.some(([, , values]) => values.some(value => value !== values[0]));
   const does = trail.fractions ? "The end-effector follows its path" : moves ? "The arm moves" : "The arm rests";
-  const kept = margin > 0 ? keepsMargin(scene) ? " and keeps the margin" : " but falls below the margin" : "";
+  const kept = margin > 0 ? scene.keeps_margin ? " and keeps the margin" : " but falls below the margin" : "";
   const violated = lines.some(line => line.startsWith("infeasible")) ? `${kept && ","} but not all limits` : "";
   return `${does} for ${lasted}${kept}${violated}.`;
 }
@@ -79,4 +74,5 @@ function printed(unit) {
 
 function unit() { return printed(about.scale.unit); }
 
-function feasible(value) { return value > 0 && above(value, about.scale.margin); }
+// The margin is kept up to rounding; see keeps_threshold in margin.py.
+function feasible(value) { return value > 0 && value >= about.scale.margin * (1 - 1e-6); }

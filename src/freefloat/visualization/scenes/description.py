@@ -75,6 +75,7 @@ class TitledScene:
         lines: Text of a map; warnings about a motion.
         origin: Place of its coordinates in the scene [m].
         margin: Required magnitude of the measure; zero for none.
+        keeps_margin: Whether the motion keeps it, between the values of the trail, too.
     """
 
     title: str
@@ -88,6 +89,7 @@ class TitledScene:
     lines: tuple[str, ...] = ()
     origin: Sequence[float] = (0.0, 0.0, 0.0)
     margin: float = 0.0
+    keeps_margin: bool = True
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,6 +12,7 @@ from meshcat import geometry as g
 
 from freefloat.errors import InputError
 from freefloat.limits.check import deepest_contact
+from freefloat.motion.extrema import closest_approach
 from freefloat.motion.motion import Motion
 from freefloat.motion.pointing import AttitudeLimits
 from freefloat.motion.singularity import singular_event
@@ -211,11 +212,12 @@ def _draw(
         6 * overlays.SIDES,
         list(zip(model.joint_names, model.prismatic.tolist(), joints, strict=True)),
     )
-    contact, event = deepest_contact(motion), singular_event(motion)
+    contact, event, margin = deepest_contact(motion), singular_event(motion), setting.margin
+    kept = not margin.threshold or margin.keeps(closest_approach(motion, margin.measure).value)
     return TitledScene(
         title, node(title), labels, begin=place.start + float(times[0]),
         end=place.start + float(times[-1]), origin=np.asarray(place.origin).round(6).tolist(),
-        margin=setting.margin.threshold, ending=motion.ending.name.lower(),
+        margin=margin.threshold, keeps_margin=bool(kept), ending=motion.ending.name.lower(),
         verdict=motion.outcome if event is None else f"{motion.outcome} Kind: {event.kind}.",
         trail=trail,
         lines=tuple(filter(None, (violation, "" if contact is None else f"warning: {contact}"))),
