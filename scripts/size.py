@@ -25,8 +25,8 @@ GOALS = {
 RECORDS = {
     MODULES: 1_580, "robot": 4_560, "paths": 1_850, "dynamics": 2_900, "ik": 1_980,
     "motion": 2_790, "certificate": 690, "limits": 2_510, "ensemble": 2_480, "regions": 800,
-    "planning": 8_330, "verification": 1_490, "io": 3_740, "visualization": 4_650,
-    "studies": 4_820, "cli": 3_100,
+    "planning": 8_340, "verification": 1_490, "io": 3_740, "visualization": 4_650,
+    "studies": 4_820, "cli": 3_110,
 }  # fmt: skip
 """Lines of folders that are larger than their goals permit."""
 

@@ -1,4 +1,4 @@
-"""Resources of this machine: chunks of a computation on several threads, memory, processes."""
+"""Resources of this process: chunks of a computation on threads, memory, folder, children."""
 
 from __future__ import annotations
 
@@ -38,6 +38,14 @@ def available_cores() -> int:
     if hasattr(os, "sched_getaffinity"):  # not on macOS and Windows
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
+
+
+def working_folder() -> str:
+    """Name of the working folder; empty where that was removed."""
+    try:
+        return os.getcwd()
+    except FileNotFoundError:
+        return ""
 
 
 def require_memory(key: str, count: int, size: int, limit: float = 4e9) -> None:

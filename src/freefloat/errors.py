@@ -7,7 +7,6 @@ processes. Expected outcomes of a computation (singular, infeasible) are data, n
 from __future__ import annotations
 
 import difflib
-import os
 import sys
 import traceback
 from collections.abc import Iterable
@@ -172,14 +171,6 @@ def require_type(key: str, value: object, kind: type | UnionType, accepted: str)
         quoted = value is None or isinstance(value, str)
         description = repr(value) if quoted else type(value).__name__
         raise InputError(key, f"{description} was given", accepted)
-
-
-def working_folder() -> str:
-    """Name of the working folder; empty where that was removed."""
-    try:
-        return os.getcwd()
-    except FileNotFoundError:
-        return ""
 
 
 def require_extra(extra: str, module: str) -> None:

@@ -151,8 +151,9 @@ def load_motion(file: Path) -> tuple[Motion, str]:
 def answer_html(answer: Answer) -> str:
     """The short tables of an answer as HTML."""
     buffer = io.StringIO()
-    plain: Any = dict.fromkeys(("highlight", "markup", "force_jupyter"), False)
-    console = RichConsole(record=True, file=buffer, width=_WIDTH, **plain)
+    console = RichConsole(
+        record=True, file=buffer, width=_WIDTH, highlight=False, markup=False, force_jupyter=False
+    )
     for renderable in named(kind_of(answer).tables)(answer.kind, answer, False):
         console.print(renderable, soft_wrap=isinstance(renderable, str | Text))
     return console.export_html(inline_styles=True, code_format=_PAGE)

@@ -11,7 +11,8 @@ from typing import Literal
 
 import numpy as np
 
-from freefloat.errors import ModelError, working_folder
+from freefloat.concurrency import working_folder
+from freefloat.errors import ModelError
 from freefloat.robot.base import Base
 from freefloat.robot.not_read import NotRead
 from freefloat.robot.reader_process import Argument

@@ -123,7 +123,7 @@ def robustness_checks(plan: Plan, chosen: SimulatedBranch) -> Iterator[Check]:
 
 
 def _heading_check(plan: Plan, evaluator: FeasibilityEvaluator) -> Check:
-    """Headings just inside ranges belong to the search and keep the margin, others do not."""
+    """Headings just inside ranges are searched and keep the margin, headings outside do not."""
     probes = [probe for entry in plan.ranges for probe in _probes(entry)]
     for heading, branch, stated in (*probes, *_contradictions(plan, evaluator)):
         searched = bool(plan.search.domain.contains(evaluator.problem.plane.attitudes(heading)))

@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from freefloat.concurrency import Progress
+from freefloat.concurrency import Progress, working_folder
 from freefloat.dynamics.measures import singularity_measure
 from freefloat.dynamics.redundancy import Redundancy
 from freefloat.dynamics.system import System
-from freefloat.errors import InputError, working_folder
+from freefloat.errors import InputError
 from freefloat.io.scenario.arms_section import curves_of
 from freefloat.io.scenario.limits_section import limits_of
 from freefloat.io.scenario.path_schema import PathSection

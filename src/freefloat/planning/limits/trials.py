@@ -155,10 +155,14 @@ class Violations:
         return np.asarray(np.where(motions.endings == UNREACHED, -np.inf, -ratios))
 
 
-def _extent_ratios(problem: Problem, limits: Limits, motions: EnsembleResult) -> dict[str, Array]:
-    """Ratios of joint ranges and rates, and of the spacecraft's rate, by limit, shape (...)."""
+def _extent_ratios(
+    problem: Problem, limits: Limits | None, motions: EnsembleResult
+) -> dict[str, Array]:
+    """Ratios of joint ranges, and of rates that have limits, by limit, shape (...)."""
     ranges = largest_range_ratio(problem.model_at(), motions.lower, motions.upper)
     ratios = {JointRangeLimit.name: ranges}
+    if limits is None:
+        return ratios
     if limits.joint_rate is not None:
         ratios[JointRateLimit.name] = motions.rate_usage(limits.joint_rate)
     if limits.base_rate is not None:
@@ -199,7 +203,7 @@ def screen(
         distinct, rows = np.unique(attitudes, axis=0, return_inverse=True)
         again, entries = evaluator.evaluate(distinct, extremes=True), (rows.ravel(), columns)
         some = EnsembleResult._make(values[entries] for values in again.motions)
-        extents = _extent_ratios(evaluator.problem, limits or Limits(clearance="off"), some)
+        extents = _extent_ratios(evaluator.problem, limits, some)
         violations = {name: values > 1.0 + _SLACK for name, values in extents.items()}
         ratios, deficits = np.max([*extents.values()], axis=0, initial=0.0), np.zeros(len(batch))
         if pairs is not None:
