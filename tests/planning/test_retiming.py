@@ -56,6 +56,8 @@ def test_the_published_case() -> None:
     plan = as_plan(problem, [0.0, 0.0, 0.0, 1.0], joints, slack)
     result = ff.retime(plan)
     assert result.duration == pytest.approx(16.971, rel=1e-3)
+    slow = as_plan(problem.stretched(1e4), [0.0, 0.0, 0.0, 1.0], joints, slack)
+    assert ff.retime(slow).duration == pytest.approx(result.duration, rel=1e-3)
     assert result.agrees
     assert result.plan.feasible
     assert sum(result.usage.values()) > 0.95

@@ -35,9 +35,9 @@ from freefloat.planning.timing.speed_profile import (
     with_speeds,
 )
 
-_SLOWER, _SLOWDOWNS = 2.0, 16
-"""Factor on the duration up to which a scene that tumbles may slow it down, and how many are tried;
-the duration of the plan is among them."""
+_FAR, _SLOWER, _SLOWDOWNS = 100.0, 2.0, 16
+"""Ratio of the first guess and the duration above which the guess limits the speeds; factor up to
+which a scene that tumbles may slow the plan down, and durations tried, the plan's among them."""
 _TRIALS = 7
 """Timings that are tried, each slower than the one before; two are enough without weight."""
 _INSTANTS, _USED = 501, 0.99
@@ -112,14 +112,17 @@ def retime(plan: Plan, *, threads: int | None = None, progress: Progress | None 
     if chosen is None or not plan.feasible:
         raise InputError("plan", "it is not feasible", "a feasible plan")
     if (body := plan.problem.path.frame) is not None:
-        accepted = "a path that does not depend on time"
-        raise InputError("path.frame", f"it moves with {body}", accepted)
+        raise InputError("path.frame", f"it moves with {body}", "a path independent of time")
     require_considered(limits, plan.problem.path.timing)
     if plan.problem.depends_on_timing:
         result, agrees = _agreeing_plan(plan, chosen, limits, threads, progress)
         return _retiming(result, plan, agrees)
     speeds = fastest_speeds(chosen.motion, limits)
     problem = with_speeds(plan.problem, speeds) if speeds else plan.problem
+    if plan.problem.path.duration > _FAR * problem.path.duration:
+        motion = integrate_from(problem, chosen.motion.initial.attitude, chosen.branch).motion
+        if motion.completed and (speeds := fastest_speeds(motion, limits)):
+            problem = with_speeds(problem, speeds)
     result = _with_timing(plan, chosen, problem, limits, _TRIALS if speeds else 1)
     if not result.feasible and plan.problem.scene.tumbles:
         result = _with_slower_timing(plan, chosen, result, limits)
