@@ -18,6 +18,7 @@ from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.named_files import EXAMPLE, find_robot
 from freefloat.robot.parts import Mount, Payload, Spacecraft
 from tests import commands
+from tests.robot import test_mimic
 from tests.robots import inertial_text, joint_text, link_text
 
 UR5 = f"{EXAMPLE}ur5"
@@ -98,6 +99,18 @@ def test_meshes_are_found_wherever_the_file_is(copied: bool, tmp_path: Path) -> 
     assert names == set(document["meshes"])
     assert len(names) == 14
     assert all((moved / name).is_file() and Path(name).is_absolute() != copied for name in names)
+
+
+def test_held_joints_and_what_mimics_them_are_written_as_fixed(tmp_path: Path) -> None:
+    (tmp_path / "arm.urdf").write_text(test_mimic.robot())
+    section = {"urdf": "arm.urdf", "end_effector": "hand", "held": {"q2": 0.4, "left": -0.25}}
+    document = assembled_parts(tmp_path, **section)
+    whole = pin.buildModelFromUrdf(str(tmp_path / "out.urdf"), pin.JointModelFreeFlyer())
+    assert list(whole.names)[2:] == ["q1", "q3"]
+    data, neutral = whole.createData(), pin.neutral(whole)
+    pin.ccrba(whole, data, neutral, np.zeros(whole.nv))
+    assert np.allclose(data.com[0], document["centre_of_mass"], rtol=0, atol=1e-12)
+    assert np.allclose(data.Ig.inertia, document["inertia"], rtol=0, atol=1e-10)
 
 
 def test_copies_of_meshes_replace_no_file(tmp_path: Path) -> None:

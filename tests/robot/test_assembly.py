@@ -160,6 +160,19 @@ def test_an_attached_arm_is_pinocchios_own_sum_of_two_models(seed: int) -> None:
     assert np.allclose(*masses, rtol=0, atol=1e-12 * np.abs(masses[0]).max())
 
 
+def test_attached_parts_need_neither_mass_nor_a_spacecraft() -> None:
+    """Frames alone; a tool whose foot is heavier than what it carries, and the other way round."""
+    for foot, finger in (("", ""), ("5", "2"), ("2", "5")):
+        inertials = (mass and inertial_text(float(mass), 0.01 * np.eye(3), "0.1 0 0")
+                     for mass in (foot, finger))  # fmt: skip
+        tool = "".join(map(link_text, ("foot", "finger"), inertials))
+        tool += joint_text("grip", "R" if foot else "F", "foot", "finger", "0.2 0 0")
+        part = Attachment(f'<robot name="tool">{tool}</robot>', prefix="tool_")
+        assert not ff.FreeFloatingModel.from_urdf(
+            "ets_vii", "end_effector", attached=[part]
+        ).warnings
+
+
 def test_parts_are_attached_by_name_and_masses_scaled_by_numbers_of_numpy() -> None:
     tool = Attachment("planar_2dof", prefix="tool_")
     factor = {"tool_link_2": np.float64(2.0)}

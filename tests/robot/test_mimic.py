@@ -50,6 +50,13 @@ def test_a_held_gripper_follows_its_driver(left: float) -> None:
     assert not [entry for entry in model.not_read if "mimic" in entry.element]
 
 
+def test_followers_out_of_their_ranges_are_reported() -> None:
+    """Not the tip, which has a value by name; all ranges end at 4."""
+    model = ff.FreeFloatingModel.from_urdf(robot(), "hand", fixed_joints={"left": -2, "tip": 0})
+    (warning,) = (entry for entry in model.warnings if "out of its range" in entry.problem)
+    assert (warning.element, "fixed at 4.3" in warning.problem) == ("joint right", True)
+
+
 def test_a_value_by_name_decouples() -> None:
     model = ff.FreeFloatingModel.from_urdf(robot(), "hand", fixed_joints={"right": 0.05})
     (_, place), (_, tip) = model.link_places["right"], model.link_places["tip"]

@@ -18,11 +18,13 @@ from lxml import etree
 from freefloat.dynamics.momentum import inertia_matrices
 from freefloat.errors import InputError, ModelError
 from freefloat.io.files import written_beside
+from freefloat.robot.assembly import set_origin
 from freefloat.robot.base import Base
 from freefloat.robot.description import Joint
 from freefloat.robot.free_base import add_table
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.robot.rigid_bodies import held_value
+from freefloat.robot.parts import Mount
+from freefloat.robot.rigid_bodies import displacement, held_value, leader_of
 from freefloat.robot.source import MeshFileError, find_mesh
 from freefloat.robot.urdf import rename_meshes
 from freefloat.robot.urdf_xml import Element
@@ -94,7 +96,7 @@ class UrdfFile:
 
 
 def write_urdf(model: FreeFloatingModel, file: Path, copy_meshes: bool = False) -> UrdfFile:
-    """Write the URDF of a robot.
+    """Write the URDF of a robot; joints that are fixed by name become fixed joints.
 
     Args:
         model: The robot.
@@ -108,6 +110,7 @@ def write_urdf(model: FreeFloatingModel, file: Path, copy_meshes: bool = False) 
     """
     robot = etree.fromstring(model.description.text)
     source = model.description.file
+    _fix_joints(robot, model)
     _require_readable(robot)
     found: dict[str, Path] = {}
     missing: dict[str, str] = {}
@@ -129,6 +132,20 @@ def write_urdf(model: FreeFloatingModel, file: Path, copy_meshes: bool = False) 
         temporary.write_bytes(etree.tostring(robot, encoding="utf-8", xml_declaration=True))
     meshes = tuple(sorted(set(names.values())))
     return UrdfFile(file, model, meshes, tuple(sorted(missing.values())))
+
+
+def _fix_joints(robot: Element, model: FreeFloatingModel) -> None:
+    """Fix the joints that have a value by name, and joints that follow them, where they are."""
+    description, fixed = model.description, model.fixed_joints
+    for joint in description.joints:
+        if leader_of(description, joint, fixed).name not in fixed:
+            continue
+        (element,) = robot.xpath("joint[@name=$name]", name=joint.name)
+        for part in element.xpath("*[not(self::parent or self::child)]"):
+            element.remove(part)
+        pose = joint.origin @ displacement(joint, held_value(description, joint.name, fixed))
+        element.set("type", "fixed")
+        set_origin(etree.SubElement(element, "origin"), Mount.of("held", pose))
 
 
 def _require_readable(robot: Element) -> None:

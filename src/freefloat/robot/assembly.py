@@ -159,7 +159,7 @@ def _attach(robot: Element, attachment: Attachment, root: str, source: str) -> R
     """Add the links and joints of another URDF and fix its root to a link; that URDF."""
     link, prefix = attachment.link, attachment.prefix
     carrier = root if link is None else _link(decode(robot, source), "link", link)
-    part = read_urdf(RobotSource.of(attachment.urdf).found())
+    part = read_urdf(RobotSource.of(attachment.urdf).found(), attached=True)
     other = etree.fromstring(part.text)
     foot = prefix + part.roots[0]
     for element in other.iter(*_NAMED):
@@ -215,7 +215,7 @@ def _mount_root(robot: Element, root: str, carrier: str, mount: Mount, name: str
         origin = etree.SubElement(joint, "origin") if origin is None else origin
         xyz, rpy = (np.array(origin.get(key, "0 0 0").split(), float) for key in ("xyz", "rpy"))
         pose = mount.pose @ Pose(xyz, Rotation.from_rpy(rpy).as_matrix())
-        _set_origin(origin, Mount(pose.position, pin.rpy.matrixToRpy(pose.rotation)))
+        set_origin(origin, Mount(pose.position, pin.rpy.matrixToRpy(pose.rotation)))
 
 
 def _link(robot: RobotDescription, key: str, name: str) -> str:
@@ -231,14 +231,14 @@ def _add_body(robot: Element, name: str, body: Spacecraft | Payload, centre: Arr
     """Add a link for a body with its box about a centre; returns its name."""
     link = etree.SubElement(robot, "link", name=_free_name(robot, name))
     inertial = etree.SubElement(link, "inertial")
-    _set_origin(etree.SubElement(inertial, "origin"), Mount(body.com))
+    set_origin(etree.SubElement(inertial, "origin"), Mount(body.com))
     etree.SubElement(inertial, "mass", value=repr(body.mass))
     moments = map(repr, body.inertia[np.triu_indices(3)].tolist())
     etree.SubElement(inertial, "inertia", dict(zip(MOMENTS, moments, strict=True)))
     for tag in ("visual", "collision"):
         if body.size is not None:
             shape = etree.SubElement(link, tag)
-            _set_origin(etree.SubElement(shape, "origin"), Mount(centre))
+            set_origin(etree.SubElement(shape, "origin"), Mount(centre))
             geometry = etree.SubElement(shape, "geometry")
             etree.SubElement(geometry, "box", size=text_of(body.size))
         elif body.mesh is not None:
@@ -251,10 +251,11 @@ def _fix(robot: Element, parent: str, child: str, name: str, mount: Mount) -> No
     joint = etree.SubElement(robot, "joint", name=name, type="fixed")
     etree.SubElement(joint, "parent", link=parent)
     etree.SubElement(joint, "child", link=child)
-    _set_origin(etree.SubElement(joint, "origin"), mount)
+    set_origin(etree.SubElement(joint, "origin"), mount)
 
 
-def _set_origin(origin: Element, mount: Mount) -> None:
+def set_origin(origin: Element, mount: Mount) -> None:
+    """Write a pose to an ``<origin>``."""
     origin.set("xyz", text_of(mount.xyz))
     origin.set("rpy", text_of(mount.rpy))
 

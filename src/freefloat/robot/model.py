@@ -15,9 +15,15 @@ import pinocchio as pin
 from freefloat.errors import InputError, finite_number, member, require_type
 from freefloat.robot.assembly import assemble, end_effector_link, scaled
 from freefloat.robot.base import Base
+from freefloat.robot.description import Severity, UrdfDiagnostic
 from freefloat.robot.parts import Attachment, Payload, Spacecraft
 from freefloat.robot.pinocchio_model import described
-from freefloat.robot.rigid_bodies import moving_joints, require_within_ranges
+from freefloat.robot.rigid_bodies import (
+    held_value,
+    is_out_of_range,
+    moving_joints,
+    require_within_ranges,
+)
 from freefloat.robot.rigid_body_model import RigidBodyModel
 from freefloat.robot.source import RobotSource
 from freefloat.so3 import Array
@@ -174,6 +180,23 @@ class FreeFloatingModel(RigidBodyModel):
         """Names of the joints that move one of the further arms."""
         joints = moving_joints(self.description, self.further_arms[name], self.fixed_joints)
         return tuple(joint.name for joint in joints)
+
+    @property
+    def warnings(self) -> tuple[UrdfDiagnostic, ...]:
+        """Warnings of the URDF, and about joints that no name fixes and that are out of range."""
+        robot, outside = self.description, list[UrdfDiagnostic]()
+        named = {*self.joint_names, *self.fixed_joints}
+        for joint in (joint for joint in robot.joints if joint.moving and joint.name not in named):
+            value = held_value(robot, joint.name, self.fixed_joints)
+            if is_out_of_range(joint, value):
+                ends = f"{joint.lower:g} to {joint.upper:g}"
+                problem = f"it is fixed at {value:g}, out of its range {ends}"
+                remedy = f"a value of {joint.name} in robot.held (fixed_joints)"
+                name = f"joint {joint.name}"
+                outside.append(
+                    UrdfDiagnostic(Severity.WARNING, robot.source, None, name, problem, remedy)
+                )
+        return (*robot.warnings, *outside)
 
     @property
     def further_arms(self) -> dict[str, str]:

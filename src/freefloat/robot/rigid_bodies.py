@@ -125,9 +125,7 @@ def require_uncoupled(
 ) -> None:
     """Raise a ModelError if a joint that is not fixed by name follows one that moves."""
     for joint in robot.joints:
-        leader = joint
-        while leader.mimic is not None and leader.name not in fixed_joints:
-            leader = robot.joints_by_name[leader.mimic.joint]
+        leader = leader_of(robot, joint, fixed_joints)
         if leader is not joint and leader in moving:
             problem = f"it mimics {leader.name}, which moves; coupled joints are not computed"
             accepted = (
@@ -138,6 +136,13 @@ def require_uncoupled(
             raise ModelError(f"joint {joint.name}", problem, accepted, robot.source, line)
 
 
+def leader_of(robot: RobotDescription, joint: Joint, fixed_joints: Mapping[str, float]) -> Joint:
+    """The joint that a joint follows in the end, also through others; itself where none."""
+    while joint.mimic is not None and joint.name not in fixed_joints:
+        joint = robot.joints_by_name[joint.mimic.joint]
+    return joint
+
+
 def held_value(robot: RobotDescription, name: str, fixed_joints: Mapping[str, float]) -> float:
     """Value of a joint that does not move [rad or m]: by name, of what it follows, or zero."""
     mimic = robot.joints_by_name[name].mimic
@@ -146,12 +151,17 @@ def held_value(robot: RobotDescription, name: str, fixed_joints: Mapping[str, fl
     return mimic.multiplier * held_value(robot, mimic.joint, fixed_joints) + mimic.offset
 
 
+def is_out_of_range(joint: Joint, value: float) -> bool:
+    """Whether a value is not in the range of a joint; no value where its ends are not in order."""
+    inside = joint.lower - _ROUNDED <= value <= joint.upper + _ROUNDED
+    return joint.lower < joint.upper and not inside
+
+
 def require_within_ranges(robot: RobotDescription, fixed_joints: Mapping[str, float]) -> None:
     """Raise an InputError if a joint is held where it cannot be."""
     for joint in robot.joints:
-        value = fixed_joints.get(joint.name, 0.0)
-        outside = not joint.lower - _ROUNDED <= value <= joint.upper + _ROUNDED
-        if joint.name in fixed_joints and joint.lower < joint.upper and outside:
+        value = fixed_joints.get(joint.name)
+        if value is not None and is_out_of_range(joint, value):
             accepted = f"{joint.lower:g} to {joint.upper:g}, the range of the joint"
             raise InputError(f"fixed_joints.{joint.name}", f"{value:g} was given", accepted)
 
@@ -223,7 +233,7 @@ def build_model(
                 waiting[moving.index(joint)] = joint, body, at
                 continue
             value = held_value(robot, joint.name, fixed_joints)
-            places[joint.child] = (body, at @ _displacement(joint, value))
+            places[joint.child] = (body, at @ displacement(joint, value))
             links.append(joint.child)
     for name, (body, pose) in places.items():
         model.addFrame(pin.Frame(name, body + 1, 0, se3_of(pose), pin.BODY), False)
@@ -245,7 +255,7 @@ def _joint_model(joint: Joint) -> Any:
     return unaligned(axis)
 
 
-def _displacement(joint: Joint, value: float) -> Pose:
+def displacement(joint: Joint, value: float) -> Pose:
     """Pose of the child link's frame in the joint's frame at a joint value [rad or m]."""
     if value == 0.0:
         return IDENTITY

@@ -15,7 +15,7 @@ from freefloat.attitude_grids import low_discrepancy
 from freefloat.errors import InputError, ModelError, axes_of, finite_vector, member, number_array
 from freefloat.robot.assembly import end_effector_link
 from freefloat.robot.base import Base, require_gravity
-from freefloat.robot.description import Joint, RobotDescription, UrdfDiagnostic
+from freefloat.robot.description import Joint, RobotDescription
 from freefloat.robot.joint_values import configuration_vector
 from freefloat.robot.not_read import NotRead
 from freefloat.robot.rigid_bodies import (
@@ -146,11 +146,6 @@ class RigidBodyModel:
     def frame_id(self) -> int:
         """Pinocchio's index of the end-effector frame."""
         return self.frame_ids[0]
-
-    @property
-    def warnings(self) -> tuple[UrdfDiagnostic, ...]:
-        """Diagnostics of severity WARNING."""
-        return self.description.warnings
 
     @property
     def not_read(self) -> tuple[NotRead, ...]:

@@ -30,23 +30,27 @@ from freefloat.robot.plausibility import (
 from freefloat.robot.source import URDF_TEXT, RobotSource
 from freefloat.robot.urdf import parse_urdf
 
+Rule = Callable[[RobotDescription], Faults]
 _TREE = "one root link, every other link the child of exactly one joint, unique names"
 _GIMBALS = 2
 """Most revolute joints in a row on links without mass that are no virtual base."""
 
 
-def read_urdf(urdf: str | Path | RobotSource, mounted: bool = False) -> RobotDescription:
+def read_urdf(
+    urdf: str | Path | RobotSource, mounted: bool = False, attached: bool = False
+) -> RobotDescription:
     """A valid URDF with its warnings.
 
     Args:
         urdf: A file, XML text (recognized by its leading ``<``), or a source.
         mounted: Whether it may have no mass: an arm for a spacecraft, or a body of a scene.
+        attached: Whether it is fixed to another robot: it may have no mass, its root any mass.
 
     Raises:
         ModelError: If the file cannot be read or is not the XML of a robot; else the first error.
     """
     robot = parse_urdf(urdf)
-    diagnostics = _diagnostics(robot, mounted)
+    diagnostics = _diagnostics(robot, mounted, attached)
     errors = [entry for entry in diagnostics if entry.severity is Severity.ERROR]
     if errors:
         first, more = errors[0].exception(), len(errors) - 1
@@ -59,12 +63,15 @@ def read_urdf(urdf: str | Path | RobotSource, mounted: bool = False) -> RobotDes
     return replace(with_flat_links(robot), diagnostics=diagnostics)
 
 
-def examine(urdf: str | Path | RobotSource, mounted: bool = False) -> tuple[UrdfDiagnostic, ...]:
+def examine(
+    urdf: str | Path | RobotSource, mounted: bool = False, attached: bool = False
+) -> tuple[UrdfDiagnostic, ...]:
     """All errors and warnings about a URDF, also where it cannot be loaded.
 
     Args:
         urdf: A file, XML text or a source.
-        mounted: Whether it may have no mass: an arm for a spacecraft, or a body of a scene.
+        mounted: As for :func:`read_urdf`.
+        attached: As for :func:`read_urdf`.
 
     Returns:
         Errors, causes before consequences, then warnings by line, also about mesh files.
@@ -79,7 +86,7 @@ def examine(urdf: str | Path | RobotSource, mounted: bool = False) -> tuple[Urdf
             raise
         return (UrdfDiagnostic(Severity.ERROR, str(error.source), error.line, error.key,
                                error.problem, error.accepted),)  # fmt: skip
-    return _diagnostics(robot, mounted, unusable_meshes)
+    return _diagnostics(robot, mounted, attached, unusable_meshes)
 
 
 def part_warnings(robot: RobotDescription, links: Collection[str]) -> tuple[UrdfDiagnostic, ...]:
@@ -95,13 +102,16 @@ def _diagnostic(severity: Severity, robot: RobotDescription, fault: Fault) -> Ur
 
 
 def _diagnostics(
-    robot: RobotDescription, mounted: bool, *more: Callable[[RobotDescription], Faults]
+    robot: RobotDescription, mounted: bool, attached: bool, *more: Rule
 ) -> tuple[UrdfDiagnostic, ...]:
     """Errors of the decoder and of the rules in their order, then warnings by line."""
-    virtual = partial(_virtual_base, mounted=mounted)
-    errors = (*_ERRORS, virtual) if mounted else (*_ERRORS, virtual, _total_mass)
-    masses = partial(root_masses, mounted=mounted)
-    warnings: tuple[Callable[[RobotDescription], Faults], ...] = (*WARNINGS, *more, masses)
+    carried = mounted or attached
+    errors: tuple[Rule, ...] = (*_ERRORS, partial(_virtual_base, mounted=carried))
+    warnings: tuple[Rule, ...] = (*WARNINGS, *more)
+    if not carried:
+        errors += (_total_mass,)
+    if not attached:
+        warnings += (partial(root_masses, mounted=mounted),)
     diagnostics = list(robot.diagnostics)
     for severity, rules in ((Severity.ERROR, errors), (Severity.WARNING, warnings)):
         faults = (fault for rule in rules for fault in rule(robot))
