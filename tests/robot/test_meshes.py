@@ -178,6 +178,10 @@ def test_names_are_relative_to_the_folder_of_the_urdf(
     assert find_mesh("../meshes/a box.stl", str(urdf)).samefile(box)
     assert find_mesh(str(box), str(urdf)) == box
     assert find_mesh(box.as_uri(), str(urdf)) == box
+    odd = box.rename(box.with_name("a%20#b?c.stl"))
+    for name in ("package://kit/meshes/a%20#b?c.stl", f"file://{odd}"):
+        assert find_mesh(name, str(urdf)) == odd
+    odd.rename(box)
     monkeypatch.chdir(tmp_path / "kit")
     assert find_mesh("../meshes/a box.stl", "urdf/arm.urdf").samefile(box)
 

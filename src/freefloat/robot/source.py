@@ -144,7 +144,7 @@ class RobotSource:
         for package, folder in self.packages.items():
             prefix = f"package://{package}/"
             if name.startswith(prefix):
-                return f"{Path(folder).absolute().as_uri()}/{name.removeprefix(prefix)}"
+                return f"file://{Path(folder).absolute()}/{name.removeprefix(prefix)}"
         return name
 
 
@@ -171,20 +171,26 @@ def find_mesh(name: str, urdf: str) -> Path:
 
     Args:
         name: ``package://NAME/...``, ``model://NAME/...``, ``file://...``, an absolute path, or one
-            relative to the URDF's folder.
+            relative to the URDF's folder. Codes such as ``%20`` in addresses are decoded if no
+            file has the name as it is written.
         urdf: The URDF's file; for XML text names are relative to the current folder.
 
     Raises:
         MeshFileError: If there is no such file.
     """
     try:
-        split = urlsplit(name.replace("\\", "/"))
+        split = urlsplit(name.replace("\\", "/"), allow_fragments=False)
     except ValueError as error:
         raise MeshFileError(f"its name is no address ({error})") from None
+    written = f"{split.path}?{split.query}" if split.query else split.path
+    paths = written, unquote(written)
     if split.scheme in ("package", "model"):
-        places = list(_in_package(split.netloc, unquote(split.path).lstrip("/"), Path(urdf)))
+        folder, package = Path(urdf), split.netloc
+        places = [
+            place for path in paths for place in _in_package(package, path.lstrip("/"), folder)
+        ]
     elif split.scheme == "file":
-        places = [Path(unquote(split.path))]
+        places = [Path(path) for path in paths]
     elif len(split.scheme) > 1:  # one letter is a drive
         raise MeshFileError(f"{split.scheme}:// files are not fetched")
     else:
