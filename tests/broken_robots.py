@@ -107,6 +107,9 @@ FAULTS = {
         "warning", "link lower", LOWER.strip(), '<link name="lower"/>'),
     "a gyration radius beyond the link": Fault(
         "warning", "link upper", _MOMENTS, _MOMENTS.replace("0.9", "90").replace("0.1", "90")),
+    "a centre of mass on its joint": Fault(
+        "warning", "link upper", '<origin xyz="0.5 0 0" rpy="0 0 0"/>\n      <mass',
+        '<origin xyz="0 0 0.01" rpy="0 0 0"/>\n      <mass'),
     "an inertia that is not positive definite": Fault(
         "warning", "link bus", 'ixy="0"', 'ixy="60"'),
     "an expression": Fault("error", "joint shoulder", 'lower="-2"', 'lower="-pi + 0.5"'),

@@ -216,6 +216,7 @@ def test_bodies_with_several_joints_and_arms_in_the_world(tmp_path: Path) -> Non
     model = ff.FreeFloatingModel.from_urdf(ff.RobotSource(file, "world"), "hand", spacecraft=craft)
     assert (model.joint_names, model.total_mass) == (("a", "b", "c", "d"), pytest.approx(104.0))
     assert np.array(model.joint_ranges)[:, 0].tolist() == [0.1, 1.0]
+    assert not any("no mass" in entry.problem for entry in model.warnings)
     robot = mujoco.MjModel.from_xml_path(str(file))
     state = mujoco.MjData(robot)
     for joints in np.random.default_rng(0).uniform(-2.0, 2.0, (3, 4)):

@@ -202,12 +202,11 @@ class RobotDescription:
         joints: Joints in the order of the URDF.
         text: The URDF as XML.
         source: The file that it came from, or ``"URDF text"``; mesh files are relative to it.
-        lines: Line of the ``robot``; zero, as of links, joints and shapes, where the file is no
-            URDF.
+        lines: Line of the ``robot``; zero, also of its elements, where the file is no URDF.
         diagnostics: Errors, then warnings by line.
         files: Further files that a xacro or MJCF file reads.
         altered: Whether the robot has parts or masses that the file has not.
-        frames: Links that are mere frames, sites of a model of MuJoCo.
+        frames: Links that a model of MuJoCo has as sites, or not at all: between joints of a body.
         arguments: Arguments of a xacro file, with the values that were used.
         not_read: What the files of the robot and its parts say and freefloat does not use.
         base: How the base of the robot moves.
@@ -278,7 +277,8 @@ class RobotDescription:
     @cached_property
     def leaves(self) -> tuple[str, ...]:
         """Links that no joint leaves, except to frames; frames themselves are none."""
-        carriers = {joint.parent for joint in self.joints if joint.child not in self.frames}
+        sites = self.frames - self.children.keys()
+        carriers = {joint.parent for joint in self.joints if joint.child not in sites}
         return tuple(link.name for link in self.links if link.name not in carriers | self.frames)
 
     @cached_property

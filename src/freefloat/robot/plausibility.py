@@ -99,7 +99,8 @@ def _principal_moments(link: Link) -> Array | None:
 
 def _joint_values(robot: RobotDescription) -> Faults:
     for joint in robot.joints:
-        if joint.moving and "limit" in joint.lines and joint.lower >= joint.upper:
+        limited = joint.type == "revolute" and "limit" in joint.lines
+        if limited and joint.lower >= joint.upper:  # prismatic joints are refused where they move
             problem = f"its range is {joint.lower:g} to {joint.upper:g}"
             remedy = "a lower end below the upper, or a fixed joint; the range is ignored"
             yield Fault(joint, "limit", problem, remedy)
@@ -144,7 +145,7 @@ def _moving_links(robot: RobotDescription) -> Faults:
         if first in robot.roots:
             continue
         mass = _mass(robot, group)
-        if mass == 0.0:
+        if mass == 0.0 and first not in robot.frames:
             remedy = "its <inertial> if it has mass; without mass, joint torques may be undefined"
             yield Fault(robot.links_by_name[first], "link", "it moves but has no mass", remedy)
         elif mass > 0.0:
@@ -164,8 +165,8 @@ def _centre_of_mass(
          for name, pose in group.links.items()
          if (inertial := robot.links_by_name[name].inertial) is not None), np.zeros(3),
     ) / mass  # fmt: skip
-    along = float(centre @ span) / length**2
-    end = next((end for end in (0.0, 1.0) if abs(along - end) < ON_JOINT), None)
+    near = ON_JOINT * length
+    end = next((end for end in (0.0, 1.0) if np.linalg.norm(centre - end * span) < near), None)
     prismatic = [child for child in group.joints if robot.parent_joints[child].type == "prismatic"]
     carriage = any(np.array_equal(group.joints[child], span) for child in prismatic)
     if end is None or (end and carriage):  # a mast or rail with its carriage in the middle
@@ -222,7 +223,11 @@ def _inertia_size(robot: RobotDescription, link: Link, moment: float, root: bool
     farthest = max(float(np.linalg.norm(point - centre)) for point in (*points, np.zeros(3)))
     small = heavy and bool(shapes) and radius < COMPACT * farthest
     large = (heavy or not root) and radius > GYRATION * farthest
-    if np.any(points) and (small or large):
+    reach, away = np.linalg.norm([np.zeros(3), *points], axis=1).max(), np.linalg.norm(centre)
+    if small and away > GYRATION * reach:
+        problem = f"its centre of mass is {away:.4g} m from its frame, but it reaches {reach:.3g} m"
+        yield Fault(link, "origin", problem, "the <origin> of its <inertial> in m")
+    elif np.any(points) and (small or large):
         problem = (
             f"its gyration radius is {radius:.3g} m (largest moment {moment:.6g} kg m² of "
             f"{link.mass:.6g} kg), but it reaches {farthest:.3g} m from its centre of mass"

@@ -69,13 +69,14 @@ def read(file: str, root: str | None = None) -> UrdfText:
     joints = {body: [] if body == start else moving_joints(model, body, file) for body in bodies}
     anchors = {body: model.jnt_pos[moving[-1]].copy() if moving else np.zeros(3)
                for body, moving in joints.items()}  # fmt: skip
+    between: list[str] = []
     for body in bodies:
         link = ET.SubElement(robot, "link", name=body_name(model, body))
         if body != WORLD:
             _add_inertial(link, model, body, anchors[body])
             _add_shapes(link, model, body, anchors[body])
         if body != start:
-            _add_joints(robot, model, body, joints[body], anchors)
+            between += _add_joints(robot, model, body, joints[body], anchors)
     if is_on_table(model, start):
         add_table(robot, body_name(model, start))
     sites = _add_sites(robot, model, anchors)
@@ -87,7 +88,7 @@ def read(file: str, root: str | None = None) -> UrdfText:
     files = sorted(_files(Path(file)))
     documents = [Path(file), *(path for path in files if path.suffix == ".xml")]
     names, unread = tuple(map(str, files)), tuple(not_read(model, bodies, documents))
-    return UrdfText(text, warnings, names, unread, frames=tuple(sites.values()))
+    return UrdfText(text, warnings, names, unread, frames=(*sites.values(), *between))
 
 
 def _files(model: Path) -> set[Path]:
@@ -183,19 +184,20 @@ def _add_shapes(link: ET.Element, model: Any, body: int, anchor: Array) -> None:
 
 def _add_joints(
     robot: ET.Element, model: Any, body: int, joints: Sequence[int], anchors: Mapping[int, Array]
-) -> None:
-    """Add the joints between a body and its parent, several of them with links between them."""
+) -> list[str]:
+    """Add the joints between a body and its parent; names of the links between several joints."""
     parent, child = int(model.body_parentid[body]), body_name(model, body)
     carrier, origin = body_name(model, parent), model.body_pos[body] - anchors[parent]
     rotation = _matrix(model.body_quat[body])
-    for joint in joints[:-1]:
-        link = f"{joint_name(model, joint)}_of_{child}"
+    between = [f"{joint_name(model, joint)}_of_{child}" for joint in joints[:-1]]
+    for joint, link in zip(joints, between, strict=False):
         ET.SubElement(robot, "link", name=link)
         at = origin + rotation @ model.jnt_pos[joint]
         _add_joint(robot, model, joint, (carrier, link), (at, rotation))
         carrier, origin, rotation = link, -model.jnt_pos[joint], np.eye(3)
     at = origin + rotation @ anchors[body]
     _add_joint(robot, model, joints[-1] if joints else None, (carrier, child), (at, rotation))
+    return between
 
 
 def _add_joint(
