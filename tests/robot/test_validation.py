@@ -17,7 +17,7 @@ from freefloat.errors import ModelError
 from freefloat.robot.description import Severity
 from freefloat.robot.named_files import example_robots, models_folder
 from freefloat.robot.validation import examine, read_urdf
-from tests.broken_robots import BUS, FAULTS, VALID, Fault, link
+from tests.broken_robots import BUS, FAULTS, LIMIT, UPPER, VALID, Fault, link
 from tests.commands import document, run
 from tests.errors import error_key
 from tests.robot.test_urdf import one_joint
@@ -41,7 +41,9 @@ def elements(urdf: str | Path) -> list[str]:
 
 
 def test_nothing_is_reported_about_a_valid_robot() -> None:
+    """Also where the centre of mass of a link is beside its joint, far from it."""
     assert examine(VALID) == ()
+    assert examine(VALID.replace(UPPER, link("upper", "10", "0 0.3 0", "0.1 0.9 0.9"))) == ()
 
 
 @pytest.mark.parametrize("fault", FAULTS.values(), ids=FAULTS)
@@ -60,6 +62,34 @@ def test_a_fault_is_reported_first_and_refused_or_kept_as_a_warning(
     else:
         warnings = ff.FreeFloatingModel.from_urdf(path).warnings
         assert warnings == tuple(entry for entry in diagnostics if "mesh" not in entry.problem)
+
+
+def test_a_centre_of_mass_in_millimetres_is_named_as_such() -> None:
+    shape = '<visual><geometry><box size="1 0.1 0.1"/></geometry></visual>'
+    upper = link("upper", "10", "500 0 0", "0.1 0.9 0.9", shape)
+    (warning,) = examine(VALID.replace(UPPER, upper))
+    assert "centre of mass is 500 m" in warning.problem
+    assert "<origin>" in warning.remedy
+
+
+def test_a_prismatic_joint_without_range_is_reported_once() -> None:
+    text = VALID.replace('"shoulder" type="revolute"', '"shoulder" type="prismatic"')
+    assert [s for s, _, _ in diagnosed(text.replace(LIMIT, "", 1))] == ["error"]
+
+
+def test_info_shows_warnings_before_it_refuses(tmp_path: Path) -> None:
+    refused = run("info", written(tmp_path, FAULTS["a massless root"].text), "--end-effector", "no")
+    assert refused.exit_code == 2
+    assert "no mass" in refused.stdout
+    assert "end_effector" in refused.stderr
+
+
+def test_info_shows_ranges_with_one_end(tmp_path: Path) -> None:
+    text = VALID.replace('lower="-2"', 'lower="-1e9"', 1)
+    text = text.replace('lower="-2" upper="2"', 'lower="-2" upper="1e9"')
+    shown = run("info", written(tmp_path, text)).stdout
+    assert "at most 114.6°" in shown
+    assert "at least -114.6°" in shown
 
 
 def test_an_arm_without_mass_needs_a_spacecraft() -> None:

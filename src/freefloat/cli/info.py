@@ -21,6 +21,7 @@ from freefloat.cli.robots import (
     diagnostic_lines,
     load_robot,
     not_read_lines,
+    warnings_before_errors,
 )
 from freefloat.errors import one_line
 
@@ -71,7 +72,8 @@ def info(
         loaded.model, loaded.task, loaded.measure, loaded.diagnostics, joints, attitude, unchecked
     )
     setting, limits = ({}, {}) if scenario is None else _setting(scenario)
-    console.json(summary.to_dict() | setting | limits)
+    with warnings_before_errors(console, loaded.diagnostics):
+        console.json(summary.to_dict() | setting | limits)
     default_link = end_effector is None and scenario is None
     console.tables(_tables(summary, default_link))
     if scenario is not None:
@@ -154,11 +156,13 @@ def _configuration_lines(configuration: Configuration, carrier: str) -> Iterator
 
 
 def _range(body: Body) -> str:
-    if not math.isfinite(body.lower):
-        return "unlimited"
     if body.prismatic:
-        return f"{body.lower:g} to {body.upper:g} m"
-    return f"{math.degrees(body.lower):.4g}° to {math.degrees(body.upper):.4g}°"
+        lower, upper = f"{body.lower:g}", f"{body.upper:g} m"
+    else:
+        lower, upper = f"{math.degrees(body.lower):.4g}°", f"{math.degrees(body.upper):.4g}°"
+    if math.isinf(body.lower):
+        return "unlimited" if math.isinf(body.upper) else f"at most {upper}"
+    return f"at least {lower}" if math.isinf(body.upper) else f"{lower} to {upper}"
 
 
 def _setting(scenario: Scenario) -> tuple[dict[str, Any], dict[str, Any]]:

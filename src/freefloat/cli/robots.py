@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -101,24 +102,27 @@ def load_robot(
         loaded = load_scenario(robot)
         mounted = loaded.content.robot.spacecraft is not None
         first, *others = loaded.content.robot.sources(loaded.source)
-        found = [*examine(first, mounted), *(entry for other in others for entry in examine(other))]
+        found = [*examine(first, mounted)]
+        found += (entry for other in others for entry in examine(other, attached=True))
         diagnostics = _require_no_error(console, found)
-        parts = (entry for entry in loaded.model().warnings if entry not in diagnostics)
-        diagnostics = (*diagnostics, *parts)
-        if loaded.content.goal is None:
-            problem = loaded.problem()
-            measure = problem.margin.measure
-            return LoadedRobot(problem.model, problem.task, measure, diagnostics, loaded)
-        task = natural_task(loaded.model())
-        measure = singularity_measure(loaded.model(), task, "gjm")
-        return LoadedRobot(loaded.model(), task, measure, diagnostics, loaded)
+        with warnings_before_errors(console, diagnostics):
+            diagnostics = tuple(dict.fromkeys((*diagnostics, *loaded.model().warnings)))
+            if loaded.content.goal is None:
+                problem = loaded.problem()
+                measure = problem.margin.measure
+                return LoadedRobot(problem.model, problem.task, measure, diagnostics, loaded)
+            task = natural_task(loaded.model())
+            measure = singularity_measure(loaded.model(), task, "gjm")
+            return LoadedRobot(loaded.model(), task, measure, diagnostics, loaded)
     named = robot.startswith((EXAMPLE, DESCRIPTIONS)) or robot in named_files.bundled_robots()
     if named or named_files.is_file(Path(robot)):
         source = robot_source(robot, file_options)
         diagnostics = _require_no_error(console, examine(source))
-        model = FreeFloatingModel.from_urdf(source, end_effector)
-        task = natural_task(model)
-        return LoadedRobot(model, task, singularity_measure(model, task, "gjm"), diagnostics)
+        with warnings_before_errors(console, diagnostics):
+            model = FreeFloatingModel.from_urdf(source, end_effector)
+            diagnostics = tuple(dict.fromkeys((*diagnostics, *model.warnings)))
+            task = natural_task(model)
+            return LoadedRobot(model, task, singularity_measure(model, task, "gjm"), diagnostics)
     if scenarios := [
         name for name in named_files.bundled_scenarios() if name.startswith(f"{robot}/")
     ]:
@@ -167,6 +171,18 @@ def _require_no_error(
     console.json({"findings": [asdict(entry) for entry in diagnostics], "error": first})
     say("\n".join(map(str, diagnostic_lines(diagnostics))))
     raise typer.Exit(BAD_INPUT)
+
+
+@contextmanager
+def warnings_before_errors(
+    console: Console, diagnostics: Sequence[UrdfDiagnostic]
+) -> Iterator[None]:
+    """Print warnings about a URDF before an error that ends the command."""
+    try:
+        yield
+    except InputError:
+        console.tables(diagnostic_lines(diagnostics))
+        raise
 
 
 def not_read_lines(entries: Sequence[NotRead]) -> Iterator[RenderableType]:
