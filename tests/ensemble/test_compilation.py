@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import grp
 import json
 import logging
 import os
+import pwd
 import shutil
 import subprocess
 import sys
@@ -123,11 +125,14 @@ def test_a_configuration_file_of_the_current_folder_names_no_cache(tmp_path: Pat
     (tmp_path / ".numba_config.yaml").write_text(f"cache_dir: {tmp_path / 'sent'}")
     environment = {k: v for k, v in os.environ.items() if k != "NUMBA_CACHE_DIR"}
     environment["XDG_CACHE_HOME"] = str(tmp_path / "own")
-    subprocess.run([sys.executable, "-c", RUN], cwd=tmp_path, env=environment, check=True)
+    command = [sys.executable, "-c", RUN]
+    subprocess.run(command, cwd=tmp_path, env=environment, umask=0, check=True)
     assert not (tmp_path / "sent").exists()
     (folder,) = (tmp_path / "own" / "freefloat").iterdir()
-    assert folder.stat().st_mode & 0o077 == 0
-    assert [*folder.rglob("*.nbi")]
+    files = [*folder.glob("*.nb?")]
+    assert {file.suffix for file in files} == {".nbi", ".nbc"}
+    for place in (folder, folder.parent, folder.parent.parent, *files):
+        assert place.stat().st_mode & 0o077 == 0, "whatever the umask"
 
 
 @pytest.mark.parametrize(("suffix", "damage"), [(".nbi", "empty"), (".nbc", "flipped")])
@@ -167,6 +172,27 @@ def test_cache_files_that_others_may_write_to_are_not_read(tmp_path: Path, suffi
     path.rename(tmp_path / "elsewhere")
     path.symlink_to(tmp_path / "elsewhere")
     assert files.load("signature") is None
+
+
+@pytest.mark.parametrize(("name", "member", "primary", "read"), [
+    ("me", "me", "me", True), ("staff", "me", "me", False), ("me", "you", "me", False),
+    ("me", "me", "you", False),
+])  # fmt: skip
+def test_a_group_that_may_write_to_cache_files_is_the_users_own(
+    name: str, member: str, primary: str, read: bool, tmp_path: Path, monkeypatch
+) -> None:
+    """It has the user's name, and nobody else belongs to it, also as to a primary group."""
+    files = CheckedCacheFile(str(tmp_path), "kernel", "stamp")
+    files.save("signature", b"machine code")
+    for path in tmp_path.iterdir():
+        path.chmod(0o660)
+    number = path.stat().st_gid
+    users = [pwd.struct_passwd((user, "x", 7, number, "", "", "")) for user in ("me", primary)]
+    group = grp.struct_group((name, "x", number, [member]))
+    monkeypatch.setattr(pwd, "getpwuid", lambda _: users[0])
+    monkeypatch.setattr(pwd, "getpwall", lambda: users)
+    monkeypatch.setattr(grp, "getgrgid", lambda _: group)
+    assert (files.load("signature") is not None) == read
 
 
 def test_a_cache_that_cannot_be_written_is_no_error(tmp_path: Path) -> None:

@@ -6,7 +6,8 @@ import logging
 import os
 import pickle
 import sys
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -33,6 +34,14 @@ class CheckedCacheFile(IndexDataCacheFile):
         """Write an entry where the folder permits it."""
         with suppress(OSError):
             super().save(key, data)
+
+    @contextmanager
+    def _open_for_write(self, filepath: str) -> Iterator[Any]:
+        """Open a file that the user alone can read and write, whatever the umask."""
+        with super()._open_for_write(filepath) as file:
+            with suppress(OSError):  # file systems without modes
+                os.chmod(file.name, 0o600)
+            yield file
 
     def _dump(self, obj: Any) -> bytes:
         data: bytes = dumps(obj)

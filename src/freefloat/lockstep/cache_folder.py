@@ -30,7 +30,9 @@ def cache_folder(package: Path) -> Path | None:
     try:
         root = stated or Path(caches or Path.home() / ".cache") / "freefloat"
         folder = Path(root) / f"kernels-{_digest(package)[:16]}"
-        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        for place in (*reversed(folder.parents), folder):  # the mode holds for the last one alone
+            if not place.is_dir():
+                place.mkdir(mode=0o700, exist_ok=True)
     except (OSError, RuntimeError):  # the second: there is no home
         return None
     return folder if _is_private(folder, package) else None
@@ -69,15 +71,21 @@ def _is_private(folder: Path, package: Path) -> bool:
 
 
 def is_closed(entry: os.stat_result) -> bool:
-    """Whether the user, root and the owner of the package alone own and may write to a file."""
+    """Whether the user, root and the owner of the package alone own and may write to a file.
+
+    Its group may write where that is the owner's own, which has no other user and the same name:
+    where users have such groups, files are often made so that the group may write to them.
+    """
     import grp
     import pwd
 
     trusted = {os.geteuid(), 0, os.stat(__file__).st_uid}
     if entry.st_uid not in trusted or entry.st_mode & stat.S_IWOTH:
         return False
+    if not entry.st_mode & stat.S_IWGRP:
+        return True
     with suppress(KeyError):
         user, group = pwd.getpwuid(entry.st_uid), grp.getgrgid(entry.st_gid)
-        if user.pw_gid == group.gr_gid and {*group.gr_mem} <= {user.pw_name}:
-            return True
-    return not entry.st_mode & stat.S_IWGRP
+        members = {other.pw_name for other in pwd.getpwall() if other.pw_gid == group.gr_gid}
+        return group.gr_name == user.pw_name and members.union(group.gr_mem) <= {user.pw_name}
+    return False
