@@ -175,12 +175,12 @@ def _serve(
     console: Console, playback: Playback, shown: dict[str, Any], port: int, opens: bool
 ) -> None:
     """Serve the page until Ctrl-C; print its address and open it in a browser."""
-    from freefloat.visualization.page.server import open_browser, serve
+    from freefloat.visualization.page.server import open_beside, serve
 
     def ready(address: str) -> None:
         _print(console, shown | {"address": address})
         if opens:
-            open_browser(address)
+            open_beside(address)
 
     serve(playback.html(), port, ready)
 

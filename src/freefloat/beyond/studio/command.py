@@ -7,7 +7,7 @@ import tempfile
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from threading import Thread, Timer
+from threading import Timer
 from typing import Annotated
 
 import typer
@@ -56,7 +56,7 @@ def studio(
     from freefloat.beyond.studio.command import redirect_page
     from freefloat.beyond.studio.server import serve_studio
     from freefloat.io.scenario.loading import load_scenario
-    from freefloat.visualization.page.server import has_display, open_browser
+    from freefloat.visualization.page.server import has_display, open_beside
 
     load_scenario(scenario)  # its errors belong on the terminal
     make_folder("output", output)
@@ -66,9 +66,9 @@ def studio(
         def ready(address: str) -> None:
             console.json({"address": address})
             console.tables([f"{address}  (for this machine alone; Ctrl-C ends)"])
-            if opens:  # in a thread, because some browsers are waited for
+            if opens:
                 page = at_end.enter_context(redirect_page(address, output))
-                Thread(target=open_browser, args=(page.as_uri(),), daemon=True).start()
+                open_beside(page.as_uri())
 
         serve_studio(scenario, output, port, ready)
 

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from threading import Thread
 from typing import Any, TypeVar
 
 from freefloat.errors import InputError
@@ -108,3 +109,8 @@ def has_display() -> bool:
 def open_browser(address: str) -> bool:
     """Open a page in a browser if there is a display; return whether it was opened."""
     return has_display() and webbrowser.open(address)
+
+
+def open_beside(address: str) -> None:
+    """Open a page in a browser while the page is served: some browsers are waited for."""
+    Thread(target=open_browser, args=(address,), daemon=True).start()
