@@ -113,6 +113,30 @@ def test_held_joints_and_what_mimics_them_are_written_as_fixed(tmp_path: Path) -
     assert np.allclose(data.Ig.inertia, document["inertia"], rtol=0, atol=1e-10)
 
 
+def test_copies_of_meshes_of_the_same_name_keep_their_materials(tmp_path: Path) -> None:
+    """Also where the name is a pattern of names."""
+    shapes = ""
+    for folder in ("red", "blue"):
+        (tmp_path / folder).mkdir()
+        for name in ("part[1]", "hull"):
+            mesh = tmp_path / folder / f"{name}.obj"
+            mesh.write_text(f"mtllib {name}.mtl\nusemtl paint\n# {folder}")
+            mesh.with_suffix(".mtl").write_text(f"newmtl paint\n# {folder}")
+            shapes += f'<visual><geometry><mesh filename="{mesh}"/></geometry></visual>'
+    robot = find_robot("planar_2dof", Path()).read_text()
+    link = '<link name="end_effector">'
+    plain = tmp_path / "painted.urdf"
+    plain.write_text(robot.replace(f"{link[:-1]}/>", f"{link}{shapes}</link>"))
+    document = assembled_parts(
+        tmp_path, "--copy-meshes", urdf=str(plain), end_effector="end_effector"
+    )
+    copies = [tmp_path / name for name in document["meshes"]]
+    colours = [copy.read_text().partition("# ")[2] for copy in copies]
+    assert sorted(colours) == ["blue", "blue", "red", "red"]
+    for copy, colour in zip(copies, colours, strict=True):
+        assert copy.with_suffix(".mtl").read_text().endswith(colour)
+
+
 def test_copies_of_meshes_replace_no_file(tmp_path: Path) -> None:
     assembled_parts(tmp_path)
     (tmp_path / "out_meshes").mkdir()

@@ -168,17 +168,24 @@ def _require_readable(robot: Element) -> None:
 
 
 def _copy(files: list[Path], folder: Path) -> dict[Path, str]:
-    """Copy mesh files, and material files of the same name, into a folder; the names of copies."""
+    """Copy mesh files, each beside the material file of its name, into a folder; their names there.
+
+    Where a name is taken, the two are copied into a numbered folder in it.
+    """
     names: dict[Path, str] = {}
+    taken: set[str] = set()
     try:
         folder.mkdir(exist_ok=True)
-        for file in files:
-            taken = {name.casefold() for name in names.values()}
-            numbered = (f"{file.stem}_{number}{file.suffix}" for number in count(2))
-            name = next(n for n in chain([file.name], numbered) if n.casefold() not in taken)
-            names[file] = name
-            for original in (file, *file.parent.glob(f"{file.stem}.mtl")):
-                target = folder / (name if original == file else original.name)
+        for file in sorted(files, key=lambda path: len(path.parts)):  # copies stay where they are
+            originals = [file, *filter(Path.is_file, [file.with_suffix(".mtl")])]
+            keys = {original.name.casefold() for original in originals}
+            places = chain([""], (f"{number}/" for number in count(2)))
+            place = next(p for p in places if taken.isdisjoint(p + key for key in keys))
+            taken |= {place + key for key in keys}
+            names[file] = place + file.name
+            (folder / place).mkdir(exist_ok=True)
+            for original in originals:
+                target = folder / place / original.name
                 if target.is_symlink() or (target.exists() and not target.is_file()):
                     raise InputError("output", f"{target} is no regular file", "another name")
                 if not (target.exists() and os.path.samefile(original, target)):
