@@ -346,6 +346,7 @@ def test_what_killed_writers_left_is_removed(tmp_path):
         (tmp_path / name).touch()
         if name != ".x.h5.b.partial":
             os.utime(tmp_path / name, (0, 0))
+    (tmp_path / ".x.h5.d.partial").symlink_to("gone")  # listed, and no file any more
     with written_beside(tmp_path / "x.h5") as temporary:
         temporary.write_text("whole")
-    assert set(os.listdir(tmp_path)) == {*names[1:], "x.h5"}
+    assert set(os.listdir(tmp_path)) == {*names[1:], ".x.h5.d.partial", "x.h5"}

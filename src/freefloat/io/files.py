@@ -147,5 +147,6 @@ def _temporary(path: Path) -> Path:
 def _remove_abandoned(path: Path) -> None:
     """Remove the temporary files of killed processes that wrote the same file."""
     for file in path.parent.glob(f".{glob.escape(path.name[:_KEPT])}.*{_SUFFIX}"):
-        if time.time() - file.stat().st_mtime > _ABANDONED:
-            file.unlink(missing_ok=True)
+        with suppress(OSError):  # its process has finished, or another one removed it
+            if time.time() - file.stat().st_mtime > _ABANDONED:
+                file.unlink()
