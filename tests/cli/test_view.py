@@ -12,6 +12,7 @@ import subprocess
 import sys
 from contextlib import closing
 from pathlib import Path
+from typing import Any
 from urllib.parse import urlsplit
 
 import numpy as np
@@ -61,9 +62,11 @@ def scenes(page: Path) -> list[str]:
 
 @pytest.mark.slow
 def test_several_motions_become_one_page(files: Path, elsewhere: Path) -> None:
-    (elsewhere / "good.h5").write_bytes((files / "bad.h5").read_bytes())
-    words = (files / "good.h5", "good.h5", files / "bad.h5", "-o", "p.html", "--scene", "bad")
-    titles = ["good", "good (2)", "bad"]
+    copies = ("good (2).h5", "Good.h5", "good.h5")
+    for name in copies:
+        (elsewhere / name).write_bytes((files / "bad.h5").read_bytes())
+    words = (files / "good.h5", *copies, files / "bad.h5", "-o", "p.html", "--scene", "bad")
+    titles = ["good", "good (2)", "Good (3)", "good (4)", "bad"]
     assert document("view", *words) == {
         "address": None, "html": "p.html", "snapshots": [], "video": None,
         "figures": [], "scenes": titles, "remarks": [],
@@ -137,8 +140,11 @@ def test_a_map_is_viewed_alone(files: Path, elsewhere: Path) -> None:
 
 
 def started(*words: str | Path) -> subprocess.Popen[str]:
-    program = [sys.executable, "-m", "freefloat", "view", *map(str, words), "--no-open"]
-    return subprocess.Popen(program, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    """The process that serves a page, and waits for a browser until standard input ends."""
+    environment = {**os.environ, "BROWSER": "sh -c 'read line' %s"}
+    program = [sys.executable, "-m", "freefloat", "view", *map(str, words)]
+    pipes: dict[str, Any] = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.PIPE)
+    return subprocess.Popen(program, env=environment, text=True, **pipes)
 
 
 def ask(port: int, host: str, path: str = "/") -> tuple[int, str]:

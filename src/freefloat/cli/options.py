@@ -9,6 +9,7 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from glob import escape, glob
+from itertools import chain, count
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -176,7 +177,9 @@ def prepare_outputs(
 
 def distinct_stems(files: Sequence[Path]) -> list[str]:
     """Names of files without suffix, numbered where several have the same: ``a``, ``a (2)``."""
-    stems = [file.stem for file in files]
-    counts = [stems[: index + 1].count(stem) for index, stem in enumerate(stems)]
-    pairs = zip(stems, counts, strict=True)
-    return [stem if count == 1 else f"{stem} ({count})" for stem, count in pairs]
+    names: list[str] = []
+    for file in files:
+        taken = {name.casefold() for name in names}  # as folders, some systems take a and A for one
+        numbered = (f"{file.stem} ({number})" for number in count(2))
+        names.append(next(n for n in chain([file.stem], numbered) if n.casefold() not in taken))
+    return names
