@@ -7,13 +7,13 @@ import pytest
 from scipy.optimize import minimize_scalar
 from scipy.spatial.transform import Rotation
 
+from freefloat.beyond.missions.goals.joint_integration import integrate_spline
 from freefloat.io.scenario.loading import load_scenario
 from freefloat.limits.check import check_limits, deepest_contact
 from freefloat.limits.clearance import clearance
 from freefloat.limits.limits import Limits
 from freefloat.limits.pairs import CollisionPairs
 from freefloat.motion.joint_curves import JointSpline
-from freefloat.motion.joint_integration import integrate_spline
 from freefloat.motion.law import JointLaw, PathLaw
 from freefloat.motion.setting import JointSetting
 from freefloat.planning.planner import plan

@@ -1,7 +1,5 @@
 """Laws of motion: their rates and accelerations are the derivatives of the motion."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -9,8 +7,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import freefloat as ff
+from freefloat.beyond.missions.goals.joint_integration import integrate_spline
 from freefloat.motion.joint_curves import JointSpline
-from freefloat.motion.joint_integration import integrate_spline
 from freefloat.motion.law import JointLaw, PathLaw
 from freefloat.motion.motion import Motion
 from freefloat.motion.setting import JointSetting

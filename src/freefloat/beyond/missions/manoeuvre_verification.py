@@ -13,13 +13,13 @@ from freefloat.beyond.missions.capture import Capture
 from freefloat.beyond.missions.capture_phase import CapturePhase
 from freefloat.beyond.missions.goal_phase import GoalPhase
 from freefloat.beyond.missions.goals.goal_motion import GoalMotion
+from freefloat.beyond.missions.goals.joint_integration import node_times
 from freefloat.beyond.missions.manoeuvre import PATH, REORIENTATION, Manoeuvre
 from freefloat.beyond.missions.path_phase import JUMP, PathPhase
 from freefloat.beyond.missions.state import SystemState
 from freefloat.dynamics.momentum import conserved, momentum_map
 from freefloat.limits.check import LimitChecker
 from freefloat.limits.limits import Limits
-from freefloat.motion.joint_integration import node_times
 from freefloat.motion.law import JointLaw
 from freefloat.motion.motion import Ending, Motion, State
 from freefloat.planning.answer import PhaseResult

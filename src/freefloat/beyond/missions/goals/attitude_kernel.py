@@ -13,8 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from freefloat.beyond.missions.goals.placements import PlacedArm
-from freefloat.dynamics.kernels.configurations import Configurations
+from freefloat.beyond.missions.goals.placements import Configurations, PlacedArm
 from freefloat.lockstep.compilation import compiled, inner
 from freefloat.so3 import Array
 

@@ -17,6 +17,7 @@ from freefloat.beyond.missions.goals.goal_motion import (
     goal_setting,
     required_limits,
 )
+from freefloat.beyond.missions.goals.joint_integration import integrate_spline
 from freefloat.beyond.missions.goals.joint_paths import JointCourse
 from freefloat.beyond.missions.goals.query import GoalStart, Query, families_of, violation_at_rest
 from freefloat.beyond.missions.goals.search import REACHED, GoalSearch
@@ -29,7 +30,6 @@ from freefloat.limits.limit import OFF
 from freefloat.limits.limits import Limits, limits_for
 from freefloat.limits.result import LimitResult, all_violations
 from freefloat.motion.joint_curves import JointSpline
-from freefloat.motion.joint_integration import integrate_spline
 from freefloat.motion.law import JointLaw
 from freefloat.motion.motion import Motion
 from freefloat.motion.setting import JointSetting

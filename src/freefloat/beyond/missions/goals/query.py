@@ -11,6 +11,7 @@ import numpy as np
 
 from freefloat.beyond.missions.goals.goal import Goal
 from freefloat.beyond.missions.goals.goal_motion import FIRST_DURATION, earlier, required_limits
+from freefloat.beyond.missions.goals.joint_integration import integrate_spline
 from freefloat.beyond.missions.goals.joint_paths import Ends, JointPaths
 from freefloat.beyond.missions.goals.placements import PlacedArm
 from freefloat.beyond.missions.goals.quadratic import SolverBudget
@@ -25,7 +26,6 @@ from freefloat.limits.kinds.base_rate import BaseRateLimit
 from freefloat.limits.limits import GIVEN, Limits
 from freefloat.limits.result import LimitResult
 from freefloat.motion.joint_curves import DEGREE, JointSpline
-from freefloat.motion.joint_integration import integrate_spline
 from freefloat.motion.law import JointLaw
 from freefloat.motion.setting import JointSetting
 from freefloat.rotations import rotation_matrix
