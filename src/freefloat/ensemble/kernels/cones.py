@@ -10,8 +10,8 @@ from __future__ import annotations
 from freefloat.dynamics.kernels.kinematics import AXIS as Z_AXIS
 from freefloat.dynamics.kernels.kinematics import POINT, X_AXIS, path_origin, place_arms
 from freefloat.dynamics.kernels.robot import Robot, Solver, base_of
+from freefloat.ensemble.kernels.dormand_prince import inside
 from freefloat.ensemble.kernels.flow import to_spacecraft
-from freefloat.ensemble.kernels.interpolant import inside
 from freefloat.ensemble.kernels.records import SLACK_ROWS, Buffers, Cones, ProblemTables
 from freefloat.lockstep.compilation import inlined, inner
 from freefloat.lockstep.lanes import Float, Mask, any_of, maximum, select, sqrt

@@ -15,8 +15,8 @@ import numpy as np
 
 from freefloat.dynamics.kernels.cubics import bend, integral, slope, value
 from freefloat.dynamics.kernels.robot import Robot
+from freefloat.ensemble.kernels.dormand_prince import BEGINNING, END, derivative, inside, weighted
 from freefloat.ensemble.kernels.flow import flow
-from freefloat.ensemble.kernels.interpolant import BEGINNING, END, derivative, inside, weighted
 from freefloat.ensemble.kernels.records import (
     BY_TIME,
     FORWARD,

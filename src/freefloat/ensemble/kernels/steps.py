@@ -13,8 +13,7 @@ from __future__ import annotations
 from freefloat.ensemble.kernels.cones import note_slacks
 from freefloat.ensemble.kernels.extents import note_extents
 from freefloat.ensemble.kernels.flow import TIME_WEIGHT, flow
-from freefloat.ensemble.kernels.measures import ARM, measure_at, of_determinants
-from freefloat.ensemble.kernels.minima import note_minimum
+from freefloat.ensemble.kernels.measures import ARM, measure_at, note_minimum, of_determinants
 from freefloat.ensemble.kernels.records import (
     BY_TIME,
     FORWARD,
