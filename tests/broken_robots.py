@@ -1,7 +1,5 @@
 """A valid URDF, and faults of URDFs: what is changed, and what is reported on which line."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 

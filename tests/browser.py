@@ -1,7 +1,5 @@
 """Pages in a headless browser without a network."""
 
-from __future__ import annotations
-
 import base64
 import io
 from collections.abc import Iterator

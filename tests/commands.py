@@ -1,7 +1,5 @@
 """Commands run in this process: their results, documents and errors."""
 
-from __future__ import annotations
-
 import json
 import re
 from typing import Any

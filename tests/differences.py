@@ -1,7 +1,5 @@
 """Differences: numbers that have none, and derivatives by central ones."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import partial
 from typing import Any

@@ -1,7 +1,5 @@
 """Blocks of code in README and docs: run in order, and their output compared with what is shown."""
 
-from __future__ import annotations
-
 import os
 import re
 import signal

@@ -1,7 +1,5 @@
 """Motions integrated both singly and as an ensemble, for comparison."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

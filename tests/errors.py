@@ -1,7 +1,5 @@
 """Errors of calls in Python."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import pytest

@@ -1,7 +1,5 @@
 """Studies for tests: cheap runs of the paper's first example, written into a folder."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The fastest timing of a joint path by toppra."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import toppra

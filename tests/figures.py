@@ -1,7 +1,5 @@
 """Lines and legend texts of figures."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

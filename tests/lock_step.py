@@ -4,8 +4,6 @@
 instructions by NumPy: a float of each motion is an array (WIDTH,), a vector one of (3, WIDTH).
 """
 
-from __future__ import annotations
-
 import importlib
 import pkgutil
 from collections.abc import Iterator

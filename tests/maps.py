@@ -1,7 +1,5 @@
 """Results of motions with chosen margins, for maps that are not computed."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Problems and motions that several tests share."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 

@@ -1,7 +1,5 @@
 """Planar arms about any direction, and the same arms about z."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.spatial.transform import Rotation
 

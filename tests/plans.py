@@ -1,7 +1,5 @@
 """Plans that several tests look at, computed once."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cache

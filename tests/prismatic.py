@@ -4,8 +4,6 @@ It moves along the spacecraft's x axis, on the line through its centre of mass: 
 the centre of mass between spacecraft and end-effector stays where it is.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 import freefloat as ff

@@ -1,7 +1,5 @@
 """Problems of redundant arms: random robots and random paths from their configuration."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

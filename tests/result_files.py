@@ -1,7 +1,5 @@
 """Result files, altered for tests."""
 
-from __future__ import annotations
-
 import hashlib
 import io
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Valid files: bundled robots, results, meshes."""
 
-from __future__ import annotations
-
 import base64
 import tempfile
 from functools import cache

@@ -1,7 +1,5 @@
 """What the commands of a page's scene contain."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

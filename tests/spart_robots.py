@@ -1,7 +1,5 @@
 """Robots in the style of SPART's examples: no limits, massless roots, inertias of the plane."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from tests.robots import inertial_text, link_text

@@ -1,14 +1,11 @@
 """What ``import freefloat as ff`` offers: documented names, its help, errors in notebooks."""
 
-from __future__ import annotations
-
 import doctest
 import pydoc
 import re
 import shutil
 import textwrap
 from importlib.metadata import version
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -38,10 +35,7 @@ SLOW = {
     pytest.param(name, marks=pytest.mark.slow if name in SLOW else ())
     for name in sorted({*ff.__all__} - {"paths", "run_study", "show"})
 ])  # fmt: skip
-def test_the_example_of_a_docstring_prints_what_is_shown(
-    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_the_example_of_a_docstring_prints_what_is_shown(name, folder):
     names = {"ff": ff, "np": np}
     text = getattr(ff, name).__doc__
     example = doctest.DocTestParser().get_doctest(text, names, name, None, None)
@@ -58,9 +52,7 @@ def test_the_version_is_the_installed_one() -> None:
 
 
 @pytest.mark.slow
-def test_help_begins_with_ten_lines_that_run(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_help_begins_with_ten_lines_that_run(tmp_path, monkeypatch, capsys):
     assert "ff.show(plan)" in pydoc.render_doc(ff, renderer=pydoc.plaintext)[:2500]
     (example,) = re.findall(r"::\n\n(.*?)\n\n(?=\S)", ff.__doc__ or "", re.DOTALL)
     code = textwrap.dedent(example)
@@ -76,9 +68,7 @@ def test_help_begins_with_ten_lines_that_run(
     assert capsys.readouterr().out.startswith("the largest margin, det S* 0.09")
 
 
-def test_a_notebook_shows_the_users_own_lines_and_what_is_accepted(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_notebook_shows_the_users_own_lines_and_what_is_accepted(capsys, monkeypatch):
     from IPython.core.interactiveshell import InteractiveShell
 
     monkeypatch.delenv("VIRTUAL_ENV", raising=False)  # IPython warns of another than its own

@@ -1,7 +1,5 @@
 """Chunks on threads, and requests for memory."""
 
-from __future__ import annotations
-
 import signal
 import threading
 

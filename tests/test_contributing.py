@@ -1,7 +1,5 @@
 """CONTRIBUTING: its recipes work as they stand, its commands run, its picture is current."""
 
-from __future__ import annotations
-
 import os
 import re
 import shutil

@@ -1,11 +1,8 @@
 """README and docs: every block runs and prints what is shown, links, packages, speeds."""
 
-from __future__ import annotations
-
 import json
 import re
 import shutil
-from pathlib import Path
 from types import ModuleType
 
 import pytest
@@ -24,9 +21,7 @@ CHECKOUT = ("src", "models", "scripts", "tests", "docs", "pyproject.toml", "READ
 @pytest.mark.filterwarnings("ignore:unclosed file:ResourceWarning")  # json.load(open(...))
 @pytest.mark.filterwarnings("ignore:Unclosed socket:ResourceWarning")  # of MeshCat
 @pytest.mark.parametrize("name", [name for name in PAGES if "\n```" in PAGES[name]])
-def test_every_block_prints_what_is_shown(
-    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_every_block_prints_what_is_shown(name, tmp_path, monkeypatch):
     if name == "CONTRIBUTING.md":
         for entry in CHECKOUT:
             copy = shutil.copytree if (ROOT / entry).is_dir() else shutil.copy2

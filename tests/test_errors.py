@@ -1,7 +1,5 @@
 """Errors keep their attributes between processes."""
 
-from __future__ import annotations
-
 import importlib
 import pickle
 import pkgutil

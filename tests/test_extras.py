@@ -1,7 +1,5 @@
 """Packages that are imported are listed, and a missing extra is named with its command."""
 
-from __future__ import annotations
-
 import ast
 import re
 import sys
@@ -86,18 +84,15 @@ def install_line(extra: str) -> str:
 
 
 @pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def folder(folder: Path) -> Path:
     """A working folder with robots in other formats."""
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "robot.xml").write_text("<mujoco/>")
-    (tmp_path / "robot.xacro").write_text("<robot/>")
-    return tmp_path
+    (folder / "robot.xml").write_text("<mujoco/>")
+    (folder / "robot.xacro").write_text("<robot/>")
+    return folder
 
 
 @pytest.mark.parametrize(("words", "extra"), COMMANDS.items())
-def test_a_command_names_the_missing_extra_before_any_work(
-    words: str, extra: str, folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_command_names_the_missing_extra_before_any_work(words, extra, folder, monkeypatch):
     monkeypatch.setitem(sys.modules, MODULES[extra], None)
     assert error(*words.split())["message"] == install_line(extra)
 

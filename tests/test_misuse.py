@@ -1,7 +1,5 @@
 """Arguments of the Python interface: names for objects, and errors for other types."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import partial
 
@@ -114,9 +112,7 @@ def test_counts_are_whole_numbers(problem: ff.Problem, count: object) -> None:
     assert error_key(lambda: ff.plan(problem, threads=count)) == "threads"
 
 
-def test_robots_are_accepted_by_name(
-    model: ff.FreeFloatingModel, tmp_path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_robots_are_accepted_by_name(model, tmp_path, monkeypatch):
     assert model.total_mass == 471.0
     assert {ff.RobotSource("planar_3dof"): 1}[ff.RobotSource("planar_3dof")] == 1
     (tmp_path / "planar_3dof").mkdir()

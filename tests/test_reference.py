@@ -1,7 +1,5 @@
 """The reference pages: every key, command and option is documented, and exists."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 from contextlib import chdir
@@ -64,12 +62,6 @@ def tables(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
     return tables
 
 
-@pytest.fixture
-def in_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
-
-
 @pytest.mark.slow
 def test_every_section_of_a_file_has_its_table(tables: ModuleType) -> None:
     pages = {"scenario": SCENARIO, "study": PAGES["docs/reference/studies.md"]}
@@ -88,7 +80,7 @@ def test_every_section_of_a_file_has_its_table(tables: ModuleType) -> None:
 
 
 @pytest.mark.parametrize("row", ROWS)
-def test_the_yaml_of_a_table_row_makes_a_problem(row: str, in_folder: Path) -> None:
+def test_the_yaml_of_a_table_row_makes_a_problem(row: str, folder: Path) -> None:
     write_samples()
     section = yaml.safe_load(row)
     ((key, _),) = section.items()

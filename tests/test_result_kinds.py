@@ -1,7 +1,5 @@
 """Every kind of result can be saved, exported, shown, drawn and checked, or says that it cannot."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -80,9 +78,7 @@ def test_a_result_is_saved_and_loaded(kind: str, tmp_path: Path) -> None:
     ("asked", "part"),
     [("goal", "goal"), ("goal", "search"), ("goal", "seed"), ("manoeuvre", "phases")],
 )
-def test_a_scenario_that_asks_for_something_else_is_altered(
-    asked: str, part: str, tmp_path: Path
-) -> None:
+def test_a_scenario_that_asks_for_something_else_is_altered(asked, part, tmp_path):
     """Another end of the goal or a phase, another start, or another seed."""
     ff.save(result(asked), tmp_path / "result.h5")
 
@@ -104,9 +100,7 @@ def test_a_scenario_that_asks_for_something_else_is_altered(
 
 
 @pytest.mark.parametrize("change", [{"limits": ff.Limits()}, {"search": ff.Search(samples=99)}])
-def test_a_file_has_the_search_and_the_limits_of_its_result(
-    change: dict[str, Any], tmp_path: Path
-) -> None:
+def test_a_file_has_the_search_and_the_limits_of_its_result(change, tmp_path):
     changed = replace(result("plan"), **change)
     ff.save(changed, tmp_path / "plan.h5")
     loaded = ff.load(tmp_path / "plan.h5")
@@ -129,9 +123,7 @@ def test_each_motion_of_an_answer_is_exported(name: str, tmp_path: Path) -> None
 
 
 @pytest.mark.parametrize("name", ANSWERS)
-def test_a_notebook_shows_what_the_command_prints(
-    name: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_notebook_shows_what_the_command_prints(name, monkeypatch):
     last = next(phase.motion for phase in result(name).phases if phase.motion is not None)
     joint = f"{last.initial.joints[0]:.4f}"
     with monkeypatch.context() as patch:

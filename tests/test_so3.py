@@ -1,7 +1,5 @@
 """Conventions of quaternions, headings, poses and axes; rotations; grids of SO(3)."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -69,9 +67,7 @@ def test_pose_seen_from_a_rotated_frame() -> None:
     axis=st.sampled_from([X, Y, Z, np.array([0.6, 0.0, 0.8])]),
     angle=st.one_of(st.sampled_from([0.0, 1e-12, 1e-9, 1e-4, np.pi - 1e-6]), st.floats(0.0, 3.1)),
 )
-def test_rotation_vector_between_two_rotations(
-    start: np.ndarray, axis: np.ndarray, angle: float
-) -> None:
+def test_rotation_vector_between_two_rotations(start, axis, angle):
     before = rotation_matrix(start / np.linalg.norm(start))
     after = Rotation.from_rotvec(angle * axis).as_matrix() @ before
     np.testing.assert_allclose(rotation_vector_between(before, after), angle * axis, atol=1e-9)
@@ -113,9 +109,7 @@ def test_quaternions_with_printed_digits_are_normalized() -> None:
 
 
 @pytest.mark.parametrize("dimension", [2, 3, 6, 7])
-def test_low_discrepancy_points_are_more_even_than_random_ones(
-    dimension: int, rng: np.random.Generator
-) -> None:
+def test_low_discrepancy_points_are_more_even_than_random_ones(dimension, rng):
     """By the discrepancy; every call gives the same points."""
     points = low_discrepancy(2048, dimension)
     assert points.shape == (2048, dimension)

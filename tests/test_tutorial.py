@@ -1,7 +1,5 @@
 """The tutorial scripts end in the expected number."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """The tutorial scripts: how they are run, and the number in which each ends."""
 
-from __future__ import annotations
-
 import re
 import runpy
 import subprocess

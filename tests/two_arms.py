@@ -4,8 +4,6 @@ One arm follows a line, the other a joint curve or a line of its own. The robot 
 Pinocchio's own URDF reader, equation (4) is solved by pseudoinverses, and SciPy integrates it.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from itertools import pairwise
 

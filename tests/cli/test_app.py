@@ -1,7 +1,5 @@
 """The command line: help, exit codes of errors, quiet output, colours and completion."""
 
-from __future__ import annotations
-
 import json
 import os
 import re
@@ -56,9 +54,7 @@ def test_every_command_has_an_example_and_help_of_its_options() -> None:
         (("info", "panar_3dof"), "robot", "planar_3dof"),
     ],
 )
-def test_a_wrong_command_line_is_one_error(
-    words: tuple[str, ...], key: str, suggestion: str
-) -> None:
+def test_a_wrong_command_line_is_one_error(words, key, suggestion):
     refusal = error(*words)
     assert refusal["key"] == key
     assert suggestion in refusal["problem"]
@@ -84,9 +80,7 @@ def test_an_unforeseen_exception_asks_for_a_report(monkeypatch: pytest.MonkeyPat
     [(MemoryError(), "memory", "fewer"),
      (ImportError("no h5py", name="h5py"), "packages", "pip install --upgrade h5py")],
 )  # fmt: skip
-def test_what_the_machine_lacks_is_no_internal_error(
-    failure: Exception, key: str, advice: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_the_machine_lacks_is_no_internal_error(failure, key, advice, monkeypatch):
     def lacking(*_: object) -> None:
         raise failure
 

@@ -1,7 +1,5 @@
 """Bad input of every kind: exit code 2 and one error with the key, the same of every command."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest
@@ -52,12 +50,6 @@ OPTIONS: dict[str, tuple[str, tuple[str, ...]]] = {
 }
 
 
-@pytest.fixture(autouse=True)
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
-
-
 def replaced(text: str, old: str, new: str) -> str:
     assert old in text
     return text.replace(old, new, 1)
@@ -104,9 +96,7 @@ def test_extreme_numbers_give_a_result_or_an_error(old: str, new: str, folder: P
         ("html", "--html", "a.urdf", b"<robot/>"),
     ],
 )
-def test_outputs_do_not_replace_files_of_another_kind(
-    key: str, option: str, name: str, content: bytes, folder: Path
-) -> None:
+def test_outputs_do_not_replace_files_of_another_kind(key, option, name, content, folder):
     (folder / NAME).write_text(PARABOLA)
     (folder / name).write_bytes(content)
     assert error("plan", NAME, option, name)["key"] == key

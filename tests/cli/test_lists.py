@@ -1,7 +1,5 @@
 """Lists of numbers on the command line: with spaces or commas between them, with any sign."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 
@@ -16,9 +14,8 @@ COMMANDS: Any = get_command(app)
 
 
 @pytest.fixture(autouse=True)
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "1").touch()  # names of files may be numbers
+def folder(folder: Path) -> None:
+    (folder / "1").touch()  # names of files may be numbers
 
 
 @pytest.mark.parametrize("name", sorted(COMMANDS.commands))

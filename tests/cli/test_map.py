@@ -1,7 +1,5 @@
 """``freefloat map``: documents, exit codes, and files that are whole or not there."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 
@@ -15,12 +13,11 @@ from tests.scenarios import SEARCHED
 
 
 @pytest.fixture(autouse=True)
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def folder(folder: Path) -> Path:
     """A working folder with the scenarios."""
     for name, text in SEARCHED.items():
-        (tmp_path / f"{name}.yaml").write_text(text)
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
+        (folder / f"{name}.yaml").write_text(text)
+    return folder
 
 
 @pytest.mark.slow

@@ -1,7 +1,5 @@
 """``freefloat models``, ``info``, ``workspace`` and ``schema``."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from pathlib import Path
@@ -47,11 +45,8 @@ def test_models_lists_everything_bundled_with_a_description() -> None:
 
 
 @pytest.mark.slow
-def test_info_describes_the_same_robot_by_any_name(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    shutil.copy(models_folder() / "planar_3dof" / "planar_3dof.urdf", tmp_path / "arm.urdf")
+def test_info_describes_the_same_robot_by_any_name(folder: Path) -> None:
+    shutil.copy(models_folder() / "planar_3dof" / "planar_3dof.urdf", folder / "arm.urdf")
     for name in ("planar_3dof/parabola", "arm.urdf"):
         robot = document("info", name)
         assert (robot["total_mass"], robot["dof"], robot["task"]) == (471.0, 3, "planar-pose")
@@ -106,13 +101,10 @@ def test_info_shows_the_end_effector_at_given_joints() -> None:
     np.testing.assert_allclose(again["base"]["position"], base.position, atol=1e-12)
 
 
-def test_info_prints_all_diagnostics_of_a_broken_urdf(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_info_prints_all_diagnostics_of_a_broken_urdf(folder: Path) -> None:
     text = (models_folder() / "planar_3dof" / "planar_3dof.urdf").read_text()
     text = text.replace('value="40"', 'value="80/2"').replace('type="fixed"', 'type="welded"')
-    (tmp_path / "arm.urdf").write_text(text)
+    (folder / "arm.urdf").write_text(text)
     result = run("info", "arm.urdf", "--json")
     assert result.exit_code == 2
     printed = json.loads(result.stdout)

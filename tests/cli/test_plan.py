@@ -1,7 +1,5 @@
 """``freefloat plan``: documents, exit codes, files, and what is built on the way."""
 
-from __future__ import annotations
-
 import json
 import re
 from pathlib import Path
@@ -20,12 +18,11 @@ MOST_LINES = 12
 
 
 @pytest.fixture(autouse=True)
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def folder(folder: Path) -> Path:
     """A working folder with the scenarios."""
     for name, text in SCENARIOS.items():
-        (tmp_path / f"{name}.yaml").write_text(text)
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
+        (folder / f"{name}.yaml").write_text(text)
+    return folder
 
 
 @pytest.mark.slow

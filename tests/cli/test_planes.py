@@ -1,7 +1,5 @@
 """Planar arms about other directions than z, and frames of paths, in commands."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

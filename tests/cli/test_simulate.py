@@ -1,7 +1,5 @@
 """``freefloat simulate``: documents, exit codes, arm branches, limits and files."""
 
-from __future__ import annotations
-
 import math
 from functools import cache
 from pathlib import Path
@@ -26,12 +24,11 @@ def simulated(*words: object, code: int = 0) -> dict[str, Any]:
 
 
 @pytest.fixture(autouse=True)
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def folder(folder: Path) -> Path:
     """A working folder with a scenario, no URDF beside it."""
-    (tmp_path / "mine.yaml").write_text(PARABOLA)
-    (tmp_path / "limited.yaml").write_text(PARABOLA + LIMITS)
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
+    (folder / "mine.yaml").write_text(PARABOLA)
+    (folder / "limited.yaml").write_text(PARABOLA + LIMITS)
+    return folder
 
 
 def test_a_singular_motion_has_place_and_time() -> None:

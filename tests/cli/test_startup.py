@@ -1,7 +1,5 @@
 """What is imported at the start."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path
@@ -33,9 +31,7 @@ def python(code: str, folder: Path) -> str:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("code", "absent"), BEGINNINGS.items())
-def test_nothing_is_imported_before_it_is_needed(
-    code: str, absent: set[str], tmp_path: Path
-) -> None:
+def test_nothing_is_imported_before_it_is_needed(code, absent, tmp_path):
     assert not absent & set(python(f"import sys; {code}{LOADED}", tmp_path).split())
 
 

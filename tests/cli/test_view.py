@@ -1,7 +1,5 @@
 """``freefloat view`` and the pages of other commands."""
 
-from __future__ import annotations
-
 import http.client
 import json
 import os
@@ -29,6 +27,8 @@ from freefloat.visualization.figure_style import new_figure
 from freefloat.visualization.page.pictures import find_browser
 from tests.commands import document, error, run, without_progress
 
+pytestmark = pytest.mark.usefixtures("folder")
+
 browser_only = pytest.mark.skipif(find_browser() is None, reason="no Chromium or Chrome here")
 GOOD = ("planar_3dof/parabola", "--heading", "200", "--branch", "0")
 BAD = ("planar_3dof/parabola", "--heading", "140", "--branch", "0")
@@ -46,13 +46,6 @@ def files(tmp_path_factory: pytest.TempPathFactory, spatial: ff.Problem) -> Path
     return folder
 
 
-@pytest.fixture(autouse=True)
-def elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """An empty working folder."""
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
-
-
 def scenes(page: Path) -> list[str]:
     """Titles of the motions on a page."""
     about = re.search(r'"scenes": \[(.*)\]', page.read_text(encoding="utf-8"))
@@ -61,23 +54,23 @@ def scenes(page: Path) -> list[str]:
 
 
 @pytest.mark.slow
-def test_several_motions_become_one_page(files: Path, elsewhere: Path) -> None:
+def test_several_motions_become_one_page(files: Path, folder: Path) -> None:
     copies = ("good (2).h5", "Good.h5", "good.h5")
     for name in copies:
-        (elsewhere / name).write_bytes((files / "bad.h5").read_bytes())
+        (folder / name).write_bytes((files / "bad.h5").read_bytes())
     words = (files / "good.h5", *copies, files / "bad.h5", "-o", "p.html", "--scene", "bad")
     titles = ["good", "good (2)", "Good (3)", "good (4)", "bad"]
     assert document("view", *words) == {
         "address": None, "html": "p.html", "snapshots": [], "video": None,
         "figures": [], "scenes": titles, "remarks": [],
     }  # fmt: skip
-    assert scenes(elsewhere / "p.html") == titles
-    assert '"opens": "bad"' in (elsewhere / "p.html").read_text(encoding="utf-8")
+    assert scenes(folder / "p.html") == titles
+    assert '"opens": "bad"' in (folder / "p.html").read_text(encoding="utf-8")
 
 
 @pytest.mark.slow
 @browser_only
-def test_pictures_and_a_video_show_the_motion_asked_for(files: Path, elsewhere: Path) -> None:
+def test_pictures_and_a_video_show_the_motion_asked_for(files: Path, folder: Path) -> None:
     """In a separate process: Playwright starts once per process."""
     words = ["view", files / "good.h5", files / "bad.h5", "--snapshots", "3", "--video", "v.gif"]
     words += ["--size", "320x200", "--scene", "bad", "--fps", "2", "--speed", "50", "--json"]
@@ -101,7 +94,7 @@ def test_pictures_and_a_video_show_the_motion_asked_for(files: Path, elsewhere: 
     assert len(frames) == count
     for picture, frame in ((first, frames[0]), (final, frames[-1])):
         assert np.percentile(np.abs(picture - frame).max(axis=2), 99.9) < 16
-    assert sorted(os.listdir(elsewhere)) == ["bad_snapshots", "v.gif"]
+    assert sorted(os.listdir(folder)) == ["bad_snapshots", "v.gif"]
 
 
 @pytest.mark.parametrize(
@@ -113,26 +106,24 @@ def test_pictures_and_a_video_show_the_motion_asked_for(files: Path, elsewhere: 
         (("-o", "page.pdf"), "output"),
     ],
 )
-def test_impossible_options_are_refused(
-    words: tuple[str, ...], key: str, files: Path, elsewhere: Path
-) -> None:
+def test_impossible_options_are_refused(words, key, files, folder):
     assert error("view", files / "map.h5", *words)["key"] == key
-    assert [file for file in elsewhere.rglob("*") if file.is_file()] == []
+    assert [file for file in folder.rglob("*") if file.is_file()] == []
 
 
-def test_files_without_a_motion_are_refused(files: Path, elsewhere: Path) -> None:
-    (elsewhere / "text.h5").write_text("hello")
+def test_files_without_a_motion_are_refused(files: Path, folder: Path) -> None:
+    (folder / "text.h5").write_text("hello")
     for file in (files / "none.h5", "text.h5", "none.yaml"):
         assert error("view", files / "good.h5", file, "--html", "page.html")["key"] == "file"
-    assert os.listdir(elsewhere) == ["text.h5"]
+    assert os.listdir(folder) == ["text.h5"]
 
 
 @pytest.mark.slow
-def test_a_map_is_viewed_alone(files: Path, elsewhere: Path) -> None:
+def test_a_map_is_viewed_alone(files: Path, folder: Path) -> None:
     """Its scenes are arm branches; nothing in it moves."""
     shown = document("view", files / "map.h5", "--html", "map.html")["scenes"]
     assert len(shown) > 1
-    assert scenes(elsewhere / "map.html") == shown
+    assert scenes(folder / "map.html") == shown
     assert error("view", files / "map.h5", "--video", "v.gif")["key"] == "video"
     assert error("view", files / "map.h5", "--snapshots", "2")["key"] == "snapshots"
     words = (files / "good.h5", files / "map.h5", "--html", "page.html")
@@ -181,7 +172,7 @@ def test_a_page_is_served_until_it_is_stopped(files: Path) -> None:
 
 
 @pytest.mark.slow
-def test_simulate_writes_all_branches_on_a_page_the_chosen_one_first(elsewhere: Path) -> None:
+def test_simulate_writes_all_branches_on_a_page_the_chosen_one_first(folder: Path) -> None:
     """With the bodies that overlap where contact is no limit."""
     lines = run("models", "planar_2dof/line").stdout.replace("planar_2dof.urdf", "planar_2dof")
     scenario = re.sub(r"(?m)^limits:.*$", "limits: {clearance: off}", lines)
@@ -190,27 +181,25 @@ def test_simulate_writes_all_branches_on_a_page_the_chosen_one_first(elsewhere: 
     result = run("simulate", *words, "-o", "motion.h5", "--html", "page.html")
     assert result.exit_code == 0
     assert "although link_2 overlaps spacecraft" in result.stderr
-    assert scenes(elsewhere / "page.html") == ["branch 1 elbow-", "branch 0 elbow+"]
+    assert scenes(folder / "page.html") == ["branch 1 elbow-", "branch 0 elbow+"]
     assert run("view", "motion.h5", "--html", "again.html").stderr == ""
-    assert (elsewhere / "again.html").read_bytes() == (elsewhere / "page.html").read_bytes()
+    assert (folder / "again.html").read_bytes() == (folder / "page.html").read_bytes()
 
 
 @pytest.mark.slow
-def test_plan_writes_a_page_and_figures_into_a_new_folder(elsewhere: Path, monkeypatch) -> None:
+def test_plan_writes_a_page_and_figures_into_a_new_folder(folder: Path, monkeypatch) -> None:
     monkeypatch.setattr(figures, "figures", lambda *_, **__: {"name": new_figure()})
     plan = document("plan", "planar_2dof/line", "--html", "page.html", "--plots", "b")
     assert plan["html"] == "page.html"
-    assert len(scenes(elsewhere / "page.html")) == 1
+    assert len(scenes(folder / "page.html")) == 1
     assert plan["plots"] == ["b/name.pdf", "b/name.png"]
     assert all(Path(file).stat().st_size > 500 for file in plan["plots"])
 
 
 @pytest.mark.slow
-def test_figures_of_a_motion_and_of_several_beside_each_other(
-    files: Path, elsewhere: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_figures_of_a_motion_and_of_several_beside_each_other(files, folder, monkeypatch):
     monkeypatch.setattr(figures, "figures", lambda *_, **__: {"name": new_figure()})
-    (elsewhere / "good.h5").write_bytes((files / "bad.h5").read_bytes())
+    (folder / "good.h5").write_bytes((files / "bad.h5").read_bytes())
     (figure, *_) = document("view", "good.h5", "--plots", "one")["figures"]
     assert Path(figure).parent == Path("one")
     written = {

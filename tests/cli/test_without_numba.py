@@ -1,7 +1,5 @@
 """Commands where Numba is missing, or refuses the NumPy that is installed."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess
@@ -43,9 +41,7 @@ def run(
         (NEED_KERNELS[0], "ImportError"),
     ],
 )
-def test_what_needs_kernels_ends_with_one_sentence(
-    tmp_path: Path, words: str, refusal: str
-) -> None:
+def test_what_needs_kernels_ends_with_one_sentence(tmp_path, words, refusal):
     done = run(tmp_path, f"{words} --json", refusal)
     assert done.returncode == 2, done.stderr
     (line,) = without_progress(done.stderr).splitlines()

@@ -1,7 +1,5 @@
 """Inertia of rotors: joint torques as MuJoCo and Pinocchio have them; momentum without it."""
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ET
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Singularity measures: definitions, factors, units, extremes."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np
@@ -125,9 +123,7 @@ def test_published_touch_point_of_example_two(spatial_6dof: ff.FreeFloatingModel
 
 @pytest.mark.slow
 @given(q=joint_values(6))
-def test_arm_times_shoulder_times_wrist_is_the_system(
-    spatial_6dof: ff.FreeFloatingModel, q: np.ndarray
-) -> None:
+def test_arm_times_shoulder_times_wrist_is_the_system(spatial_6dof, q):
     """det A = arm x other block x sin q5, everywhere with one sign."""
     if abs(np.sin(q[4])) < 0.01:
         q = q + np.array([0, 0, 0, 0, 0.5, 0])
@@ -156,9 +152,7 @@ LINK_2 = '<origin xyz="0.5 0 0"/>\n      <mass value="40"/>'
         "no spherical wrist",
     ],
 )  # fmt: skip
-def test_arms_with_coupled_plane_raise(
-    spatial_6dof: ff.FreeFloatingModel, old: str, new: str
-) -> None:
+def test_arms_with_coupled_plane_raise(spatial_6dof, old, new):
     text = spatial_6dof.description.text
     assert old in text
     model = ff.FreeFloatingModel.from_urdf(text.replace(old, new))

@@ -1,7 +1,5 @@
 """Momentum and the generalized Jacobian: physical laws."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -15,7 +13,7 @@ from freefloat.dynamics.momentum import end_effector_jacobian, inertia_matrices
 from freefloat.dynamics.resolved_rates import ResolvedRateSolver
 from freefloat.rotations import rotation_matrix
 from freefloat.so3 import rotation_vector_between
-from tests.robots import Robot, attitudes, joint_values, planar_robot, robots
+from tests.robots import attitudes, joint_values, planar_robot, robots
 
 
 def test_dynamic_singularity_is_not_kinematic() -> None:
@@ -42,9 +40,7 @@ def test_dynamic_singularity_is_not_kinematic() -> None:
 
 
 @given(data=st.data(), robot=robots(), attitude=attitudes)
-def test_generalized_jacobian_is_the_derivative_of_the_pose(
-    data: st.DataObject, robot: Robot, attitude: np.ndarray
-) -> None:
+def test_generalized_jacobian_is_the_derivative_of_the_pose(data, robot, attitude):
     """Joint steps move the end-effector by S* dq while the base keeps the momentum zero."""
     model = robot.model()
     q = data.draw(joint_values(model.dof))
@@ -68,9 +64,7 @@ def test_generalized_jacobian_is_the_derivative_of_the_pose(
 
 
 @given(data=st.data(), robot=robots(st.text("RC", min_size=6, max_size=8)), attitude=attitudes)
-def test_rates_give_the_twist_and_keep_the_momentum(
-    data: st.DataObject, robot: Robot, attitude: np.ndarray
-) -> None:
+def test_rates_give_the_twist_and_keep_the_momentum(data, robot, attitude):
     """Equation (4): A [w; dq] = [R0^T h; C^T v], also for redundant arms."""
     model = robot.model()
     # away from singularities, where (4) has no solution

@@ -1,7 +1,5 @@
 """The plane of planar arms about any direction: compared with Pinocchio alone."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

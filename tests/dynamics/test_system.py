@@ -1,7 +1,5 @@
 """The system: momentum, wheels and drift as one value."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation

@@ -1,7 +1,5 @@
 """The virtual manipulator: a free-floating arm as a fixed-base arm in the spacecraft frame."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -31,9 +29,7 @@ def both(robot: Robot) -> tuple[ff.FreeFloatingModel, VirtualManipulator]:
 
 
 @given(data=st.data(), robot=robots(), attitude=attitudes)
-def test_virtual_and_real_end_effector_poses_agree(
-    data: st.DataObject, robot: Robot, attitude: np.ndarray
-) -> None:
+def test_virtual_and_real_end_effector_poses_agree(data, robot, attitude):
     """In the inertial frame both are the end-effector pose from the centre of mass."""
     model, virtual = both(robot)
     q = data.draw(joint_values(model.dof))
@@ -77,9 +73,7 @@ def test_strokes_of_prismatic_joints_are_reduced_by_the_mass_ratio() -> None:
     assert virtual.reach == pytest.approx(0.75 * STROKE)
 
 
-def test_other_arms_have_no_elbow_and_spherical_wrist(
-    spatial_6dof: ff.FreeFloatingModel, planar_3dof: ff.FreeFloatingModel, rng: np.random.Generator
-) -> None:
+def test_other_arms_have_no_elbow_and_spherical_wrist(spatial_6dof, planar_3dof, rng):
     """Wrist axes a millimetre apart, a skew elbow, other structures."""
     text = spatial_6dof.description.text
     wrist = text.replace(

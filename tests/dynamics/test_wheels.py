@@ -1,7 +1,5 @@
 """Gyrostats: motions with momentum stored in wheels, against robots with wheels as bodies."""
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ET
 from dataclasses import replace
 from pathlib import Path

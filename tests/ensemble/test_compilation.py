@@ -1,7 +1,5 @@
 """Compilation of kernels and their cache on disk."""
 
-from __future__ import annotations
-
 import grp
 import json
 import logging
@@ -136,9 +134,7 @@ def test_a_configuration_file_of_the_current_folder_names_no_cache(tmp_path: Pat
 
 
 @pytest.mark.parametrize(("suffix", "damage"), [(".nbi", "empty"), (".nbc", "flipped")])
-def test_a_damaged_cache_entry_is_deleted_and_reported_once(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture, suffix: str, damage: str
-) -> None:
+def test_a_damaged_cache_entry_is_deleted_and_reported_once(tmp_path, caplog, suffix, damage):
     files = CheckedCacheFile(str(tmp_path), "kernel", "stamp")
     files.save("signature", b"machine code")
     assert files.load("signature") == b"machine code"

@@ -1,7 +1,5 @@
 """Precise motions by the kernels are those of the reference engine, and many without them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.interpolate import make_interp_spline
@@ -49,9 +47,7 @@ def test_a_trajectory_is_that_of_the_reference_engine_at_any_time(name: str) -> 
 
 
 @pytest.mark.parametrize("branch", [0, 1])
-def test_singular_motions_and_those_that_nearly_are_come_from_the_reference_engine(
-    planar: Problem, branch: int
-) -> None:
+def test_singular_motions_and_those_that_nearly_are_come_from_the_reference_engine(planar, branch):
     """The first ends singular, rates of the second reach 45 rad/s."""
     attitude = planar.plane.attitudes(np.radians(140.0))
     joints = planar.branches(attitude)[branch].joints

@@ -1,7 +1,5 @@
 """Ensembles of motions agree with single integration for all robots, paths and time laws."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -203,9 +201,7 @@ def test_tolerances_that_are_no_use_are_refused(spatial: ff.Problem, tolerance: 
     ("ends", [150.0]), ("ends", [np.nan]), ("joints", np.zeros((1, 3))),
     ("momenta", [[0.0, np.inf, 0.0]]),
 ])  # fmt: skip
-def test_states_that_kernels_could_not_read_are_refused(
-    spatial: ff.Problem, key: str, value: object
-) -> None:
+def test_states_that_kernels_could_not_read_are_refused(spatial, key, value):
     attitudes, joints = states(spatial, spatial.attitude(GOOD))
     given = {"attitudes": attitudes[:1], "joints": joints[:1], key: np.array(value)}
     if key == "momenta":

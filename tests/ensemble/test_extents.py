@@ -1,7 +1,5 @@
 """Largest rates and ranges of compiled motions are those of precise ones, also between steps."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

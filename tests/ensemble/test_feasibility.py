@@ -1,7 +1,5 @@
 """Feasibility of attitudes agrees with single simulations."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 from itertools import product

@@ -1,7 +1,5 @@
 """Many disturbed motions and robots at once: each equals that with its own values."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Equation (4) in many states at once, compared with single solutions and Pinocchio's inertias."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Inverse kinematics of many poses: completeness, branch names, kinematics of chains."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -46,9 +44,7 @@ def brute_force(
     [("spatial_6dof", ff.Task.POSE), ("ur5", ff.Task.POSE), ("ur5", ff.Task.POSITION),
      ("planar_3dof", ff.Task.PLANAR_POSE), ("planar_3dof", ff.Task.PLANAR_POSITION)],
 )  # fmt: skip
-def test_branches_of_many_poses_are_those_of_each_pose(
-    robot: str, task: ff.Task, request: pytest.FixtureRequest, rng: np.random.Generator
-) -> None:
+def test_branches_of_many_poses_are_those_of_each_pose(robot, task, request, rng):
     """To the last bit: closed forms, searches, redundant arms; unreachable poses included."""
     model = request.getfixturevalue(robot)
     positions, rotations, _ = random_poses(model, 75, rng)
@@ -66,9 +62,7 @@ def test_branches_of_many_poses_are_those_of_each_pose(
 
 @pytest.mark.slow
 @pytest.mark.parametrize("robot", ["spatial_6dof", "ur5"])
-def test_a_search_finds_what_brute_force_finds(
-    robot: str, request: pytest.FixtureRequest, rng: np.random.Generator
-) -> None:
+def test_a_search_finds_what_brute_force_finds(robot, request, rng):
     model = request.getfixturevalue(robot)
     positions, rotations, _ = random_poses(model, 3, rng)
     sets = search_arm_branches(model, positions, rotations, ff.Task.POSE)
@@ -81,9 +75,7 @@ def test_a_search_finds_what_brute_force_finds(
     assert total > 0.9 * sets.exist.sum()
 
 
-def test_signs_identify_the_branches_of_the_ur5(
-    ur5: ff.FreeFloatingModel, rng: np.random.Generator
-) -> None:
+def test_signs_identify_the_branches_of_the_ur5(ur5, rng):
     """Nearly everywhere each name is used once; a name's sign of the determinant is its signs'."""
     positions, rotations, _ = random_poses(ur5, 200, rng)
     sets = many_arm_branches(ur5, positions, rotations, ff.Task.POSE)

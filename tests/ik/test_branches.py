@@ -1,7 +1,5 @@
 """Arm branches at a pose: closed forms, Newton's method, branch numbers."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable
 
@@ -64,9 +62,7 @@ def elbow_arm(rng: np.random.Generator) -> ff.FreeFloatingModel:
 
 
 @given(q=joint_values(6))
-def test_closed_form_finds_the_configuration_a_pose_came_from(
-    spatial_6dof: ff.FreeFloatingModel, q: np.ndarray
-) -> None:
+def test_closed_form_finds_the_configuration_a_pose_came_from(spatial_6dof, q):
     """Wherever the wrist is bent: forwards and back, stretched and folded arms included."""
     if abs(np.sin(q[4])) < 1e-4:
         q = q + np.array([0, 0, 0, 0, 0.4, 0])
@@ -94,9 +90,7 @@ def with_wrist_axis(model: ff.FreeFloatingModel, joint: str, axis: str) -> ff.Fr
     # square to eight digits, as where a URDF says rpy="1.5707963 0 0"
     + [(wrist_angle, "1e-8 -1 0") for wrist_angle in (0.0, -3e-8)],
 )
-def test_singular_wrists_keep_all_branches(
-    spatial_6dof: ff.FreeFloatingModel, rng: np.random.Generator, wrist_angle: float, axis: str
-) -> None:
+def test_singular_wrists_keep_all_branches(spatial_6dof, rng, wrist_angle, axis):
     """With axes 4 and 6 in line any part of the roll will do, but one must be given."""
     model = with_wrist_axis(spatial_6dof, "q5", axis)
     virtual = VirtualManipulator.of(model)
@@ -110,9 +104,7 @@ def test_singular_wrists_keep_all_branches(
         assert max(missed(virtual, target, branch.joints) for branch in branches) < 1e-8
 
 
-def test_branch_numbers_keep_their_meaning_at_every_attitude(
-    spatial_6dof: ff.FreeFloatingModel, rng: np.random.Generator
-) -> None:
+def test_branch_numbers_keep_their_meaning_at_every_attitude(spatial_6dof, rng):
     """Sign of the elbow, of the wrist, and whether the arm reaches forwards or over its back."""
     virtual = VirtualManipulator.of(spatial_6dof)
     forwards = {"+": set(), "-": set()}
@@ -155,9 +147,7 @@ def test_closed_form_and_newton_agree(rng: np.random.Generator) -> None:
     ("RPR", ff.Task.POSITION),
     ("PPP", ff.Task.POSITION),
 ])  # fmt: skip
-def test_newton_finds_the_configuration_a_pose_came_from(
-    structure: str, task: ff.Task, rng: np.random.Generator
-) -> None:
+def test_newton_finds_the_configuration_a_pose_came_from(structure, task, rng):
     """Arms without a closed form; their solutions come in pairs, born where the arm is singular."""
     for _ in range(4):
         model = random_robot(rng, structure).model()
@@ -199,9 +189,7 @@ def test_planar_arms_have_two_elbows(seed: int, q: np.ndarray) -> None:
             assert missed(virtual, target, branch.joints) < 1e-8
 
 
-def test_out_of_reach_there_are_none(
-    spatial_6dof: ff.FreeFloatingModel, planar_3dof: ff.FreeFloatingModel, ur5: ff.FreeFloatingModel
-) -> None:
+def test_out_of_reach_there_are_none(spatial_6dof, planar_3dof, ur5):
     """Beyond the reach, and in the hole that long links cannot fold into: no branch."""
     far = Pose([0.0, 30.0, 0.0], np.eye(3))
     assert arm_branches(spatial_6dof, far, ff.Task.POSE) == ()
@@ -218,9 +206,7 @@ def test_out_of_reach_there_are_none(
 @pytest.mark.parametrize(
     ("structure", "task"), [("RRRRRRR", ff.Task.POSE), ("RRRRR", ff.Task.POSITION)]
 )
-def test_branches_of_redundant_arms_are_reproducible_and_spread(
-    structure: str, task: ff.Task, rng: np.random.Generator
-) -> None:
+def test_branches_of_redundant_arms_are_reproducible_and_spread(structure, task, rng):
     """Sixteen of infinitely many, far from each other, the same at every call."""
     robot = random_robot(rng, structure)
     model = robot.model()

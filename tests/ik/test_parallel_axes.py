@@ -1,7 +1,5 @@
 """Arms whose second to fourth axes are parallel: nothing missed, nothing made up."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -44,9 +42,7 @@ def assert_meets(model: ff.FreeFloatingModel, sets: BranchSets, p: Array, R: Arr
 
 
 @pytest.mark.parametrize("signs", [(1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0)])
-def test_random_arms_have_the_branches_that_a_search_finds(
-    signs: tuple[float, float], rng: np.random.Generator
-) -> None:
+def test_random_arms_have_the_branches_that_a_search_finds(signs, rng):
     for _ in range(2):
         model = parallel_arm(rng, signs)
         virtual = VirtualManipulator.of(model)
@@ -65,9 +61,7 @@ def test_random_arms_have_the_branches_that_a_search_finds(
 
 
 @pytest.mark.parametrize(("joint", "angle"), [(2, 0.0), (4, 1e-6), (2, 1e-4), (4, np.pi)])
-def test_no_pose_is_lost_near_a_singular_one(
-    ur5: ff.FreeFloatingModel, joint: int, angle: float, rng: np.random.Generator
-) -> None:
+def test_no_pose_is_lost_near_a_singular_one(ur5, joint, angle, rng):
     virtual = VirtualManipulator.of(ur5)
     q = rng.uniform(-np.pi, np.pi, (12, 6))
     q[:, joint] = angle

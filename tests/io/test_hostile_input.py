@@ -3,8 +3,6 @@
 ``scripts/lab/fuzz.py`` does so with mutated files of every kind; a test of CONTRIBUTING runs it.
 """
 
-from __future__ import annotations
-
 import html
 import os
 import subprocess
@@ -34,12 +32,11 @@ from tests.result_files import with_digest
 
 
 @pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def folder(folder: Path) -> Path:
     """A working folder with a file that never ends and a pipe."""
-    (tmp_path / "zero").symlink_to("/dev/zero")
-    os.mkfifo(tmp_path / "fifo")
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
+    (folder / "zero").symlink_to("/dev/zero")
+    os.mkfifo(folder / "fifo")
+    return folder
 
 
 # URDFs
@@ -157,9 +154,7 @@ except ff.InputError:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("write", [many_paths, many_bytes, many_texts])
-def test_small_result_files_that_expand_are_refused(
-    write: Callable[[h5py.File], object], tmp_path: Path
-) -> None:
+def test_small_result_files_that_expand_are_refused(write, tmp_path):
     file = sealed(tmp_path / "small.h5", write)
     done = subprocess.run(
         [sys.executable, "-c", LOAD, str(file)], timeout=600, capture_output=True, text=True

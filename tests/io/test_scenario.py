@@ -1,7 +1,5 @@
 """Scenario files: paths, attitudes, timing, margins, robots, limits, and their errors."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from itertools import cycle
@@ -79,9 +77,7 @@ def test_what_is_left_out_has_its_default(tmp_path: Path) -> None:
     assert math.isclose(found.model.total_mass, 480.0, abs_tol=1e-4)
 
 
-def test_samples_are_found_beside_the_scenario_and_not_in_the_working_folder(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_samples_are_found_beside_the_scenario_and_not_in_the_working_folder(tmp_path, monkeypatch):
     (tmp_path / "elsewhere").mkdir()
     (tmp_path / "elsewhere" / "path.csv").write_text("x,y,z\n9,9,9\n8,8,8\n")
     (tmp_path / "path.csv").write_text("x,y,z\n1,0,0\n0,1,0\n")

@@ -1,7 +1,5 @@
 """URDF files of assembled robots."""
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ET
 from pathlib import Path
 from typing import Any

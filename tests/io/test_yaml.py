@@ -1,7 +1,5 @@
 """YAML as plain data: what is read, what is refused, and where the refusal points."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 from typing import Any
@@ -66,9 +64,7 @@ def test_a_file_of_exactly_the_limit_is_read_and_one_byte_more_is_refused(file: 
     ("task: pose\nkey: !include other.yaml", 2),
     ("a0: &a0 [x, x]\na1: [*a0, *a0]", 2),
 ])  # fmt: skip
-def test_broken_yaml_tags_and_aliases_are_refused_with_their_line(
-    file: Path, text: str, line: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_broken_yaml_tags_and_aliases_are_refused_with_their_line(file, text, line, monkeypatch):
     monkeypatch.chdir(file.parent)
     assert refusal(file, text).line == line
     assert [path.name for path in file.parent.iterdir()] == [file.name]

@@ -1,7 +1,5 @@
 """Limits of pointing and of the spacecraft's turn, against dense sampling of motions."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Captures conserve momentum, and agree with MuJoCo's weld constraint."""
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ET
 from dataclasses import replace
 

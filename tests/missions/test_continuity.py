@@ -1,7 +1,5 @@
 """Phases join: each begins with the state at which the one before ends, in every manoeuvre."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 from pathlib import Path
 from typing import Any

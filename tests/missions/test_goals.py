@@ -1,7 +1,5 @@
 """Motions to goals, compared with integrations and simulations of other programs."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 
@@ -52,9 +50,7 @@ def attitude_at_end(system: ff.System, motion: Any) -> Any:
     [ff.Goal(POSE, duration=30.0), ff.Goal(attitude=[0, 0, 0.1305, 0.9914], joints=START)],
     ids=["pose in a given time", "attitude with the joints back"],
 )  # fmt: skip
-def test_a_goal_is_reached_with_momentum_and_wheels(
-    model: ff.FreeFloatingModel, goal: ff.Goal
-) -> None:
+def test_a_goal_is_reached_with_momentum_and_wheels(model, goal):
     system = ff.System(model, momentum=[1.0, -0.5, 0.8], wheels=[0.2, 0.3, 0.0])
     most = None if goal.attitude is not None else 0.4  # 0.52 rad without that limit
     result = ff.move(system, STATE, goal, replace(LIMITS, base_turn=most))

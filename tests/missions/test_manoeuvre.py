@@ -1,7 +1,5 @@
 """Manoeuvres: every phase begins with the state at which the one before ends."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """``freefloat plan`` with phases: its document, and how its file is checked, played and drawn."""
 
-from __future__ import annotations
-
 import json
 from itertools import pairwise
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The bundled mission: its plan keeps all limits and is verified."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """Limits of phases: one checker for paths and prescribed joints, the scene in all."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Phases are checked against the problem and one another before anything is planned."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import product
 from types import SimpleNamespace
@@ -178,9 +176,7 @@ def test_a_path_that_begins_within_rounding_is_moved_there(state: SystemState) -
 
 @pytest.mark.parametrize("normal", [(0.0, 0.0, 1.0), (0.48, 0.6, 0.64)])
 @pytest.mark.parametrize("task", Task)
-def test_jumps_count_in_what_a_task_prescribes(
-    task: Task, normal: tuple[float, float, float]
-) -> None:
+def test_jumps_count_in_what_a_task_prescribes(task, normal):
     """Of place and twist, not those within rounding; an axis that points may turn about itself."""
     pose = Pose(HERE, Rotation.from_rotvec([0.4, -0.7, 0.2]).as_matrix())
     plane = Plane.of_normal(np.array(normal))

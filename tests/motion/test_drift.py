@@ -1,7 +1,5 @@
 """Motions while the centre of mass moves, against integrations and simulations in a fixed frame."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -12,6 +10,7 @@ from scipy.integrate import solve_ivp
 import freefloat as ff
 from freefloat.beyond.engines.mujoco import forward_run, inverse_run
 from freefloat.beyond.engines.mujoco_model import MuJoCoModel
+from freefloat.motion.motion import Motion
 from freefloat.so3 import angle_between, heading_quaternion
 from tests.errors import error_key
 from tests.motions import GOOD, bundled
@@ -32,7 +31,7 @@ def problem_of(name: str, momentum: bool = False) -> ff.Problem:
     return drifting(bundled(name), DRIFT[name], momentum=h)
 
 
-def start_of(problem: ff.Problem, attitude: np.ndarray, branch: int = 0) -> ff.Motion:
+def start_of(problem: ff.Problem, attitude: np.ndarray, branch: int = 0) -> Motion:
     return ff.integrate_motion(problem, attitude, problem.branches(attitude)[branch].joints)
 
 

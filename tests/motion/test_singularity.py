@@ -1,7 +1,5 @@
 """Kinds of singularities: at the boundary of the reach, of the arm alone, and dynamic ones."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Motions of robots with a second arm on a joint curve, or on a path of its own."""
 
-from __future__ import annotations
-
 import copy
 import json
 from dataclasses import replace

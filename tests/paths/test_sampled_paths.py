@@ -4,8 +4,6 @@ Between neighbours a spline is smooth; at them its third derivative jumps, the m
 numbers and the denser the samples. What steps across loses its order there.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Paths from a moving end-effector to a rest."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation

@@ -1,7 +1,5 @@
 """Example 2 with a margin that two fifths of the attitudes violate; smaller searches."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 

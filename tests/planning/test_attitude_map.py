@@ -1,7 +1,5 @@
 """Counts of maps, connected regions of the feasible set, and its boundary."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -86,9 +84,7 @@ def evaluator(margin_30: ff.Problem) -> FeasibilityEvaluator:
 
 
 @pytest.mark.slow
-def test_precise_motions_from_the_boundary_just_keep_the_margin(
-    evaluator: FeasibilityEvaluator, margin_30: ff.Problem
-) -> None:
+def test_precise_motions_from_the_boundary_just_keep_the_margin(evaluator, margin_30):
     points = boundary_points(evaluator, sample_attitudes(evaluator, 512), 3)
     assert [point.branch for point in points] == [b for b in (0, 2, 4, 6) for _ in range(3)]
     for point in points[::2]:
@@ -99,9 +95,7 @@ def test_precise_motions_from_the_boundary_just_keep_the_margin(
 
 
 @pytest.mark.slow
-def test_touch_points_lie_where_bisection_finds_the_boundary(
-    evaluator: FeasibilityEvaluator, margin_30: ff.Problem
-) -> None:
+def test_touch_points_lie_where_bisection_finds_the_boundary(evaluator, margin_30):
     """To a tenth of a degree; precise motions from there just keep the margin."""
     points = tangent_boundary(evaluator, 6)
     assert len(points) == 6

@@ -4,8 +4,6 @@ With the elbow on one side the margin is larger, and the second link of ``planar
 into its spacecraft.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,6 +11,7 @@ import numpy as np
 import pytest
 
 import freefloat as ff
+from freefloat.motion.motion import Motion
 from freefloat.planning.answer import Answer
 from tests.commands import document, run
 
@@ -30,7 +29,7 @@ def problem() -> ff.Problem:
     return ff.load_scenario("planar_2dof/line").problem()
 
 
-def touches(motion: ff.Motion) -> bool:
+def touches(motion: Motion) -> bool:
     """Whether bodies overlap at one of many instants; both are boxes of known size."""
     half, link = np.array([0.45, 0.45]), np.linspace(0.04, 0.86, 83)
     _, attitudes, joints = motion.evaluate(np.linspace(0.0, motion.panels, 400))

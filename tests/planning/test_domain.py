@@ -1,7 +1,5 @@
 """Searches near the present attitude, and from the present joints of the arm."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Plans within limits: the chosen motion keeps them, an infeasible plan has the reason."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -75,9 +73,7 @@ def test_where_every_motion_collides_the_reason_has_the_links(attitudes: Plan) -
     (ff.Limits(base_rate=0.002), "base_rate"),
     (ff.Limits(joint_torque=np.full(3, 1e-3)), "joint_torque"),
 ])  # fmt: skip
-def test_each_limit_alone_can_make_a_plan_infeasible(
-    headings: Plan, limits: ff.Limits, name: str
-) -> None:
+def test_each_limit_alone_can_make_a_plan_infeasible(headings, limits, name):
     result = keep_limits(evaluator_for(headings.problem), headings, limits)
     assert not result.feasible
     assert name.replace("_", " ") in result.reason

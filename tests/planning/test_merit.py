@@ -1,7 +1,5 @@
 """The objective ``still`` and weighted ones, against sweeps of motions."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -93,9 +93,7 @@ def keeps(motion, limits: ff.Limits) -> bool:
     ("planar_2dof/line", ff.Limits(base_turn=0.6), "base_turn", "det A"),
     ("planar_2dof/line", ff.Limits(base_turn=0.6), "base_turn", "det S*"),
 ])  # fmt: skip
-def test_ranges_end_where_a_limit_is_just_kept(
-    name: str, limits: ff.Limits, cause: str, measure: str
-) -> None:
+def test_ranges_end_where_a_limit_is_just_kept(name, limits, cause, measure):
     problem = ff.load_scenario(name).problem()
     if measure == "det S*":
         other = ff.singularity_measure(problem.model, problem.task, measure)
@@ -149,9 +147,7 @@ def test_the_starts_of_a_redundant_arm_are_followed_through_samples() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 4])
 @pytest.mark.parametrize("name", ["planar_2dof/line", "planar_3dof/parabola"])
-def test_exact_ranges_agree_with_a_sweep_while_the_centre_of_mass_drifts(
-    name: str, seed: int
-) -> None:
+def test_exact_ranges_agree_with_a_sweep_while_the_centre_of_mass_drifts(name, seed):
     """Also with stops, at which the end-effector moves relative to the centre of mass."""
     rng = np.random.default_rng(seed)
     duration = bundled(name).path.duration
@@ -173,8 +169,7 @@ def test_exact_ranges_agree_with_a_sweep_while_the_centre_of_mass_drifts(
 
 
 @pytest.fixture
-def scenario(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> dict:
-    monkeypatch.chdir(tmp_path)
+def scenario(folder: Path) -> dict:
     return yaml.safe_load(run("models", "planar_2dof/line").stdout)
 
 

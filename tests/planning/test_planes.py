@@ -1,7 +1,5 @@
 """Plans of planar arms about any direction: those of the same arm about z."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -10,6 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import freefloat as ff
+from freefloat.planning.plan import Plan
 from freefloat.so3 import Pose
 from tests.planes import planar_problem, turn_to
 
@@ -21,7 +20,7 @@ ARMS = {
 }
 
 
-def planned(direction: str, arm: str) -> Iterator[tuple[ff.Problem, ff.Plan]]:
+def planned(direction: str, arm: str) -> Iterator[tuple[ff.Problem, Plan]]:
     """The problem about z and about a direction, and their plans."""
     joints, task, measure = ARMS[arm]
     for turn in (np.eye(3), turn_to(direction)):
@@ -29,7 +28,7 @@ def planned(direction: str, arm: str) -> Iterator[tuple[ff.Problem, ff.Plan]]:
         yield problem, ff.plan(problem)
 
 
-def headings(plan: ff.Plan) -> list[list[float]]:
+def headings(plan: Plan) -> list[list[float]]:
     return [end for entry in plan.ranges for end in entry.degrees]
 
 

@@ -3,8 +3,6 @@
 Witnesses are simulated motions; limits are closed down to just outside them.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The fastest timing, against toppra, closed forms and a published case, within all limits."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,8 +1,5 @@
 """Scenarios as a whole: what they plan, simulate and map, and the limits that problems carry."""
 
-from __future__ import annotations
-
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,6 +8,8 @@ import yaml
 
 import freefloat as ff
 from tests.errors import error_key
+
+pytestmark = pytest.mark.usefixtures("folder")
 
 LINE = "planar_2dof/line"
 """Has limits of joint rates."""
@@ -29,11 +28,6 @@ def scenario(**sections: Any) -> Any:
 
 def names(results: Any) -> set[str]:
     return {result.limit for result in results}
-
-
-@pytest.fixture(autouse=True)
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
 
 
 @pytest.mark.slow

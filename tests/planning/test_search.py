@@ -1,7 +1,5 @@
 """The best, the nearest and the deepest attitude of exactly known margins."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np
@@ -87,9 +85,7 @@ def test_the_nearest_of_two_parts_and_two_branches_is_taken(margin_30: ff.Proble
 @pytest.mark.parametrize(
     ("present", "spare"), [(THERE, 0.02), (rotated(HERE, [0.5, 0.4, -0.6])[0], 0.1)]
 )
-def test_with_spare_the_nearest_of_a_ball_is_that_deep_inside(
-    margin_30: ff.Problem, present: np.ndarray, spare: float
-) -> None:
+def test_with_spare_the_nearest_of_a_ball_is_that_deep_inside(margin_30, present, spare):
     landscape = Landscape(margin_30, b0=ball(HERE, 0.7))
     (best,) = nearest_with_spare(landscape, landscape.map(512), present, spare)
     depth = 0.7 - angle_between(best.attitude, HERE)
@@ -98,9 +94,7 @@ def test_with_spare_the_nearest_of_a_ball_is_that_deep_inside(
 
 
 @pytest.mark.parametrize("samples", [256, 2048])
-def test_the_deepest_attitude_of_two_balls_is_the_middle_of_the_larger(
-    margin_30: ff.Problem, samples: int
-) -> None:
+def test_the_deepest_attitude_of_two_balls_is_the_middle_of_the_larger(margin_30, samples):
     landscape = Landscape(
         margin_30, b0=ball(HERE, 0.6), b2=either(ball(THERE, 0.8), ball(HERE, 0.5))
     )
@@ -112,9 +106,7 @@ def test_the_deepest_attitude_of_two_balls_is_the_middle_of_the_larger(
 
 
 @pytest.mark.parametrize(("off", "spacing"), [(0.0, 0.1), (0.3, 0.5), (0.65, 0.5)])
-def test_the_robust_radius_in_a_ball_is_the_way_to_its_rim(
-    margin_30: ff.Problem, off: float, spacing: float
-) -> None:
+def test_the_robust_radius_in_a_ball_is_the_way_to_its_rim(margin_30, off, spacing):
     """Whether the rim is nearer than the first look around, or far beyond it."""
     landscape = Landscape(margin_30, b0=ball(HERE, 0.7))
     attitude = rotated(HERE, [0.0, off, 0.0])[0]

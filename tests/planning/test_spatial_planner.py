@@ -1,7 +1,5 @@
 """Spatial plans: each objective verified by precise motions, and reasons of infeasible plans."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 
@@ -116,9 +114,7 @@ def test_the_deepest_attitude_is_chosen(robust: Plan, largest: Plan, nearest: Pl
 
 
 @pytest.mark.slow
-def test_unconfirmed_candidates_are_reported_and_the_next_is_taken(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_unconfirmed_candidates_are_reported_and_the_next_is_taken(monkeypatch):
     problem, tried = with_margin(20.0), list[SimulatedBranch]()
     true = SimulatedBranch.feasible.fget
 

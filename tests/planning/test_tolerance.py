@@ -1,7 +1,5 @@
 """Tolerated deviations of momentum and duration, compared with precise motions."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -99,9 +97,7 @@ def directions(count: int, seed: int) -> np.ndarray:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("which", ["drifting", "still"])
-def test_margin_is_kept_with_momentum_off_in_any_direction(
-    which: str, request: pytest.FixtureRequest
-) -> None:
+def test_margin_is_kept_with_momentum_off_in_any_direction(which, request):
     """At fractions of the tolerance; ten percent beyond it some direction violates the margin."""
     case: Case = request.getfixturevalue(which)
     tolerated, h = case.tolerance, case.problem.momentum
@@ -146,9 +142,7 @@ def test_scaling_duration_and_momentum_is_equivalent(drifting: Case) -> None:
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("smaller")
-def test_the_attitude_tolerance_of_a_redundant_arm_is_that_of_its_chosen_motion(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_the_attitude_tolerance_of_a_redundant_arm_is_that_of_its_chosen_motion(monkeypatch):
     for search in (tolerated_deviations, deepest_ball):
         monkeypatch.setattr(search, "EFFORT", SearchEffort(256, 6))
     problem = bundled("panda_servicer/line")

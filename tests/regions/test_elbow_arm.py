@@ -1,7 +1,5 @@
 """Areas of spatial arms: exact ones of elbow arms, and certified shells of any arm."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -32,9 +30,7 @@ def variant(model: ff.FreeFloatingModel, name: str) -> ff.FreeFloatingModel:
 
 
 @pytest.mark.parametrize("name", VARIANTS)
-def test_s_and_the_wrist_are_those_of_the_arm_in_space(
-    spatial_6dof: ff.FreeFloatingModel, name: str, rng: np.random.Generator
-) -> None:
+def test_s_and_the_wrist_are_those_of_the_arm_in_space(spatial_6dof, name, rng):
     """Whatever the first joint and the wrist do: by (40) and (35)."""
     model = variant(spatial_6dof, name)
     arm, measure = elbow_arm(model), ff.singularity_measure(model, ff.Task.POSE, "arm")

@@ -1,7 +1,5 @@
 """The closed forms of singularity and margin curves, compared with Pinocchio's det A."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.optimize import minimize

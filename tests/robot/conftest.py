@@ -1,7 +1,5 @@
 """What tests of robots share: readers of robot files without processes of their own."""
 
-from __future__ import annotations
-
 import json
 from contextlib import chdir
 from subprocess import CompletedProcess, TimeoutExpired

@@ -1,7 +1,5 @@
 """Assemblies: masses, poses and momentum of arms with spacecraft, payload and attachments."""
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ET
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Bases that a URDF describes as free: a floating joint from a massless world, virtual joints."""
 
-from __future__ import annotations
-
 import itertools
 import re
 from functools import partial
@@ -82,9 +80,7 @@ UNUSED = {
 
 
 @pytest.mark.parametrize(("content", "element", "attribute"), UNUSED.values(), ids=UNUSED)
-def test_all_that_a_floating_joint_says_is_listed(
-    content: str, element: str, attribute: str
-) -> None:
+def test_all_that_a_floating_joint_says_is_listed(content, element, attribute):
     base = link_text("world") + FLOATING.replace("</joint>", f"{content}</joint>")
     (entry,) = read_urdf(within(base)).not_read
     assert (entry.element, entry.attribute) == (element, attribute)
@@ -163,9 +159,7 @@ REFUSED = {
     ("joint", "limits"),
     [("jv3", (0, 0)), ("jv3", (-0.5, 0.5)), ("jv4", (0, 0)), ("jv5", (-1, 1)), ("jbus", (3, -3))],
 )
-def test_a_virtual_joint_of_a_narrow_range_is_refused_by_name(
-    joint: str, limits: tuple[float, float]
-) -> None:
+def test_a_virtual_joint_of_a_narrow_range_is_refused_by_name(joint, limits):
     old = re.search(rf'name="{joint}".*?(<limit [^>]*>)', SIX, re.DOTALL)
     assert old is not None
     new = old[0].replace(old[1], '<limit lower="{}" upper="{}" effort="1" velocity="1"/>'.format(

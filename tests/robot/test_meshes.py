@@ -1,7 +1,5 @@
 """Mesh files: where they are looked for, and that what is read of them is what stands in them."""
 
-from __future__ import annotations
-
 import base64
 import json
 import time
@@ -85,9 +83,7 @@ def test_the_parts_of_a_scene_stand_where_its_nodes_put_them(tmp_path: Path) -> 
 
 @pytest.mark.parametrize("content", [b"", b"\x00" * 200, b"<COLLADA/>"])
 @pytest.mark.parametrize("suffix", ["stl", "dae", "glb", "xyz1"])
-def test_a_file_that_is_no_mesh_is_refused_with_a_reason(
-    tmp_path: Path, suffix: str, content: bytes
-) -> None:
+def test_a_file_that_is_no_mesh_is_refused_with_a_reason(tmp_path, suffix, content):
     path = tmp_path / f"broken.{suffix}"
     path.write_bytes(content)
     with pytest.raises(MeshFileError) as caught:
@@ -143,9 +139,7 @@ CHAIN = [{"mesh": 0, "children": [k + 1]} for k in range(200)] + [{"mesh": 0}]
     ],
     ids=["doubled nodes", "nested nodes", "vertices without data"],
 )
-def test_a_small_file_that_expands_is_refused_at_once(
-    tmp_path: Path, suffix: str, text: str
-) -> None:
+def test_a_small_file_that_expands_is_refused_at_once(tmp_path, suffix, text):
     path = tmp_path / f"small.{suffix}"
     path.write_text(text)
     begin = time.process_time()
@@ -170,9 +164,7 @@ def box(tmp_path: Path) -> Path:
     return saved(trimesh.creation.box((1, 1, 1)), tmp_path / "kit" / "meshes" / "a box.stl")
 
 
-def test_names_are_relative_to_the_folder_of_the_urdf(
-    box: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_names_are_relative_to_the_folder_of_the_urdf(box, tmp_path, monkeypatch):
     urdf = tmp_path / "kit" / "urdf" / "arm.urdf"
     urdf.parent.mkdir()
     assert find_mesh("../meshes/a box.stl", str(urdf)).samefile(box)
@@ -189,9 +181,7 @@ def test_names_are_relative_to_the_folder_of_the_urdf(
 @pytest.mark.parametrize(
     "name", ["package://kit/meshes/a box.stl", "model://kit/meshes/a%20box.stl"]
 )
-def test_packages_are_found_by_folder_and_by_environment(
-    name: str, box: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_packages_are_found_by_folder_and_by_environment(name, box, tmp_path, monkeypatch):
     """Above the URDF; in a folder of packages or a package itself; installed under a prefix."""
     for variable in ("ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH"):
         monkeypatch.delenv(variable, raising=False)

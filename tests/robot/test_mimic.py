@@ -1,7 +1,5 @@
 """Joints that mimic others: where they are held, and what is refused."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

@@ -1,7 +1,5 @@
 """A URDF as a drifting robot: which joints move, what is merged or fixed, what is refused."""
 
-from __future__ import annotations
-
 import copy
 import pickle
 import sys
@@ -136,9 +134,7 @@ def whole_robot(robot: Robot, fixed: dict[str, float], joints: np.ndarray) -> tu
 @given(
     robot=robots(branch=st.text("RCPF", max_size=3)), attitude=attitudes, seed=st.integers(0, 99)
 )
-def test_every_link_is_where_pinocchio_puts_it(
-    robot: Robot, attitude: np.ndarray, seed: int
-) -> None:
+def test_every_link_is_where_pinocchio_puts_it(robot, attitude, seed):
     """Body pose times link place, whether the link moves, is fixed or on a fixed arm."""
     rng = np.random.default_rng(seed)
     fixed = {name: float(rng.uniform(-2, 2)) for name in robot.others}

@@ -1,7 +1,5 @@
 """Models of MuJoCo: bases, sites, capsules, and what of them is not used."""
 
-from __future__ import annotations
-
 import itertools
 import re
 from pathlib import Path
@@ -325,9 +323,7 @@ FOLDED = """<mujoco><worldbody><body name="bus"><freejoint/>
      ('contype="2" conaffinity="2"', "", False),
      ("", '<contact><exclude body1="bus" body2="hand"/></contact>', False)],
 )  # fmt: skip
-def test_shapes_that_touch_in_mujoco_are_compared(
-    shape: str, tail: str, compared: bool, tmp_path: Path
-) -> None:
+def test_shapes_that_touch_in_mujoco_are_compared(shape, tail, compared, tmp_path):
     """Bits and exclusions of MuJoCo decide, as MuJoCo finds contact between the two bodies."""
     text = FOLDED.format(shape=shape, tail=tail)
     (tmp_path / "folded.xml").write_text(text)

@@ -1,7 +1,5 @@
 """The robots and scenarios that come with the package, and stock robots; published numbers."""
 
-from __future__ import annotations
-
 import shutil
 import sysconfig
 from collections.abc import Iterator
@@ -47,12 +45,9 @@ def test_every_bundled_scenario_loads(name: str) -> None:
     assert scenario.model().dof > 0
 
 
-def test_a_scenario_is_found_by_its_path_before_its_name(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_a_scenario_is_found_by_its_path_before_its_name(folder: Path) -> None:
     assert find_scenario("spatial_6dof/line") == models_folder() / "spatial_6dof" / "line.yaml"
-    file = tmp_path / "spatial_6dof" / "line"
+    file = folder / "spatial_6dof" / "line"
     file.parent.mkdir()
     file.write_text("task: pose\n")
     assert find_scenario("spatial_6dof/line").resolve() == file
@@ -88,9 +83,7 @@ def _another_installation() -> Iterator[None]:
 
 
 @pytest.mark.usefixtures("_another_installation")
-def test_stock_robots_are_where_their_wheel_lists_them(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_stock_robots_are_where_their_wheel_lists_them(tmp_path, monkeypatch):
     """Folders inside a wheel are its maker's business."""
     root = tmp_path / "elsewhere" / "example-robot-data"
     for file in ("package.xml", "robots/my_description/urdf/mine.urdf"):
@@ -111,9 +104,7 @@ def _not_installed(name: str) -> None:
 
 
 @pytest.mark.usefixtures("_another_installation")
-def test_without_the_package_the_message_says_how_to_get_it(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_without_the_package_the_message_says_how_to_get_it(tmp_path, monkeypatch):
     monkeypatch.setattr(named_files, "distribution", _not_installed)
     monkeypatch.setattr(sysconfig, "get_path", lambda name: str(tmp_path))
     assert error_key(find_robot, f"{EXAMPLE}ur5", Path("/")) == "urdf"

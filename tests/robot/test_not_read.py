@@ -1,7 +1,5 @@
 """What a URDF says and freefloat does not use: nothing is left out silently."""
 
-from __future__ import annotations
-
 import json
 import re
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Robots that Pinocchio has: the same as their files; its poses and quaternions."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from pathlib import Path

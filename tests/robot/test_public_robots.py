@@ -1,7 +1,5 @@
 """Robots as others publish them: URDFs without limits, scenes of MuJoCo, packages of ROS."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 
@@ -130,9 +128,7 @@ def test_packages_are_named(workspace, tmp_path: Path) -> None:
             assert error_key(scenario.model) == key
 
 
-def test_every_command_knows_robot_descriptions(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_every_command_knows_robot_descriptions(tmp_path, monkeypatch):
     package = tmp_path / "robot_descriptions"
     package.mkdir()
     (package / "__init__.py").write_text("")

@@ -1,7 +1,5 @@
 """SRDF: pairs of links that are not compared for contact, as Pinocchio removes them."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Robot files that try to run code, read other files, or never end."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 import time
@@ -79,9 +77,7 @@ def test_what_robots_need_is_evaluated(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("size", ["${9**9**9**9}", "${'a' * 10**10}"])
-def test_time_and_memory_are_limited(
-    size: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_time_and_memory_are_limited(size, tmp_path, monkeypatch):
     monkeypatch.setattr(reader_process, "SECONDS", 0.5)
     (tmp_path / "a.xacro").write_text(XACRO.format(f'<link name="{size}"/>'))
     assert error_key(ff.FreeFloatingModel.from_urdf, tmp_path / "a.xacro") == "urdf"
@@ -93,9 +89,7 @@ def test_time_and_memory_are_limited(
     "</worldbody>",
     '<asset><hfield name="h" nrow="60000" ncol="60000" size="1 1 1 1"/></asset>',
 ])  # fmt: skip
-def test_large_models_of_mujoco_are_refused(
-    model: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_large_models_of_mujoco_are_refused(model, tmp_path, monkeypatch):
     monkeypatch.setattr(reader_process, "SECONDS", 3)
     monkeypatch.chdir(tmp_path)
     Path("a.xml").write_text(f"<mujoco>{model}</mujoco>")

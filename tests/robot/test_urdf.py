@@ -1,7 +1,5 @@
 """URDF text to records: numbers, XML that is refused, lines, shapes; files that cannot be read."""
 
-from __future__ import annotations
-
 import io
 import re
 from pathlib import Path

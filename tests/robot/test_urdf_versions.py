@@ -1,7 +1,5 @@
 """URDF 1.1 and 1.2: rotations as quaternions, and capsules."""
 
-from __future__ import annotations
-
 import re
 import xml.etree.ElementTree as ET
 from dataclasses import replace
@@ -57,9 +55,7 @@ def assert_same_robot(model: ff.FreeFloatingModel, file: Path, rng: np.random.Ge
 
 
 @pytest.mark.parametrize(("seed", "version"), [(0, "1.1"), (1, "1.2")])
-def test_quaternions_are_read_as_pinocchio_reads_them(
-    seed: int, version: str, tmp_path: Path
-) -> None:
+def test_quaternions_are_read_as_pinocchio_reads_them(seed, version, tmp_path):
     """In joints, fixed joints and inertials; and the same in files that are written."""
     rng = np.random.default_rng(seed)
     robot = random_robot(rng, "RFRRPRR").with_frame("tip", "0.1 0 0.1", "0.1 0.2 0.3")

@@ -1,7 +1,5 @@
 """Errors and warnings about URDFs: severity, line and element; none about valid ones."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 
@@ -17,7 +15,7 @@ from freefloat.errors import ModelError
 from freefloat.robot.description import Severity
 from freefloat.robot.named_files import example_robots, models_folder
 from freefloat.robot.validation import examine, read_urdf
-from tests.broken_robots import BUS, FAULTS, LIMIT, UPPER, VALID, Fault, link
+from tests.broken_robots import BUS, FAULTS, LIMIT, UPPER, VALID, link
 from tests.commands import document, run
 from tests.errors import error_key
 from tests.robot.test_urdf import one_joint
@@ -47,9 +45,7 @@ def test_nothing_is_reported_about_a_valid_robot() -> None:
 
 
 @pytest.mark.parametrize("fault", FAULTS.values(), ids=FAULTS)
-def test_a_fault_is_reported_first_and_refused_or_kept_as_a_warning(
-    fault: Fault, tmp_path: Path
-) -> None:
+def test_a_fault_is_reported_first_and_refused_or_kept_as_a_warning(fault, tmp_path):
     path = written(tmp_path, fault.text)
     first, *_ = diagnostics = examine(path)
     assert diagnosed(path)[0] == fault.diagnosis
@@ -117,9 +113,7 @@ def test_a_root_link_without_mass_is_valid_where_something_massive_is_fixed_to_i
 
 
 @pytest.mark.parametrize(("factor", "count"), [(0.98, 0), (1.02, 1)])
-def test_gyration_radii_up_to_three_times_the_extent_are_accepted(
-    factor: float, count: int
-) -> None:
+def test_gyration_radii_up_to_three_times_the_extent_are_accepted(factor, count):
     """The upper link reaches half a metre from its centre of mass."""
     moment = 10.0 * (3.0 * 0.5 * factor) ** 2
     text = VALID.replace('iyy="0.9"', f'iyy="{moment!r}"').replace('ixx="0.1"', 'ixx="22"', 1)
@@ -164,9 +158,7 @@ def test_warnings_about_real_robots_are_true(name: str) -> None:
      ("450", "15000 15000 15000", '<box size="2 2 2"/>')],
     ids=["tonnes", "as of tonnes", "steel", "small for its size", "large for its size"],
 )  # fmt: skip
-def test_an_inertia_that_does_not_fit_the_mass_is_reported(
-    mass: str, moments: str, shape: str
-) -> None:
+def test_an_inertia_that_does_not_fit_the_mass_is_reported(mass, moments, shape):
     visual = f"\n<visual><geometry>{shape}</geometry></visual>" if shape else ""
     text = VALID.replace(BUS, link("bus", mass, "0 0 0", moments, visual))
     assert elements(text) == ["link bus"]

@@ -1,7 +1,5 @@
 """Arguments of xacro files, and the library that reads them."""
 
-from __future__ import annotations
-
 import shutil
 from importlib.util import find_spec
 from pathlib import Path
@@ -126,9 +124,7 @@ RELEASES = {
 
 
 @pytest.mark.parametrize("name", RELEASES)
-def test_releases_that_cannot_be_confined_are_refused(
-    name: str, file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_releases_that_cannot_be_confined_are_refused(name, file, tmp_path, monkeypatch):
     spec = find_spec("xacro")
     assert spec is not None
     assert spec.origin is not None

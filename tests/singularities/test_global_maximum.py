@@ -1,7 +1,5 @@
 """Proven maxima of determinants agree with known ones, and a wrong bound is noticed."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -27,9 +25,7 @@ def test_the_maximum_of_the_paper() -> None:
 @pytest.mark.parametrize(("robot", "name"), [
     ("planar_2dof/line", "gjm"), ("spatial_6dof/line", "system"), ("RPRRPR", "system"),
 ])  # fmt: skip
-def test_no_configuration_is_above_the_bound_and_the_value_is_attained(
-    robot: str, name: str
-) -> None:
+def test_no_configuration_is_above_the_bound_and_the_value_is_attained(robot, name):
     model, task = case(robot, 8)
     found = guaranteed_magnitude(model, task, name)
     measure = ff.singularity_measure(model, task, name)

@@ -1,7 +1,5 @@
 """Components of the joint space agree with a flood fill of det A, and hold the arm branches."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.ndimage import label

@@ -1,7 +1,5 @@
 """Distances to singularities agree with searches along the singular curve, and hold everywhere."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Certified boxes of the joint space agree with det A of Pinocchio's matrices."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
@@ -36,9 +34,7 @@ def contradictions(
 @pytest.mark.parametrize(("name", "resolution", "decided"), [
     ("planar_3dof/parabola", 0.1, 0.999), ("spatial_6dof/line", 2.0, 0.90),
 ])  # fmt: skip
-def test_random_configurations_do_not_contradict_certified_boxes(
-    name: str, resolution: float, decided: float
-) -> None:
+def test_random_configurations_do_not_contradict_certified_boxes(name, resolution, decided):
     problem = bundled(name)
     found = ff.singularity_map(problem.model, problem.task, np.radians(resolution))
     volumes = found.volumes

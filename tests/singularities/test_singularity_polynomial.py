@@ -1,7 +1,5 @@
 """Det A as a polynomial of the joints agrees with Pinocchio's; its derivatives and their bounds."""
 
-from __future__ import annotations
-
 from functools import cache
 from itertools import product
 

@@ -1,7 +1,5 @@
 """Contact in studies: ensembles know none, which is said; asked for, it is found run by run."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 
@@ -68,9 +66,7 @@ def test_a_study_that_states_no_clearance_keeps_ensembles_and_says_so(tmp_path: 
         ({"limits": {"list": [{"clearance": 0}, {"base_rate": 1.0}]}}, {"clearance": 0}, True),
     ],
 )  # fmt: skip
-def test_what_is_stated_anywhere_is_not_repeated(
-    vary: dict[str, Any], limits: dict[str, Any], unchecked: bool, tmp_path: Path
-) -> None:
+def test_what_is_stated_anywhere_is_not_repeated(vary, limits, unchecked, tmp_path):
     loaded = study(tmp_path, vary, **limits)
     assert (loaded.contact_unchecked is not None) is unchecked
     stated = [loaded.scenario(number).limits().clearance for number in range(loaded.count)]

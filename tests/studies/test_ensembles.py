@@ -1,7 +1,5 @@
 """Runs that ensembles decide: their rows and starts are those of runs executed one by one."""
 
-from __future__ import annotations
-
 import pickle
 from pathlib import Path
 from typing import Any
@@ -82,9 +80,7 @@ def rows_of(study: Study, folder: Path) -> list[Row]:
         (DISTURBED | MARGINS, {"base": BASE | {"limits": {"base_rate": 0.02, "joint_rate": 0.5}}}),
     ],
 )  # fmt: skip
-def test_rows_are_those_of_single_runs(
-    vary: dict[str, Any], keys: dict[str, Any], tmp_path: Path
-) -> None:
+def test_rows_are_those_of_single_runs(vary, keys, tmp_path):
     study = a_study(tmp_path, vary, cases=16, files="none", **keys)
     rows = rows_of(study, tmp_path / "out")
     assert any(str(row["decided_by"]).startswith("ensemble") for row in rows)
@@ -190,9 +186,7 @@ def test_few_and_other_runs_are_executed_alone_and_say_why(tmp_path: Path) -> No
          [0, *range(12, 48, 3)]),
     ],
 )  # fmt: skip
-def test_values_that_are_refused_are_left_to_single_runs(
-    vary: dict[str, Any], kept: list[int], tmp_path: Path
-) -> None:
+def test_values_that_are_refused_are_left_to_single_runs(vary, kept, tmp_path):
     study = a_study(tmp_path, vary, files="none")
     decided: list[int] = []
     for chunk in chunks(study, np.arange(study.count)):
@@ -201,9 +195,7 @@ def test_values_that_are_refused_are_left_to_single_runs(
 
 
 @pytest.mark.slow
-def test_rows_are_the_same_for_any_chunks_threads_and_interruptions(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_rows_are_the_same_for_any_chunks_threads_and_interruptions(tmp_path, monkeypatch):
     study = a_study(tmp_path, ROBOTS, cases=300, files="none")
     every = rows_of(study, tmp_path / "out")
     times, drawn = {"seconds": None, "began": None}, study.variation.columns(0, 1)
@@ -251,9 +243,7 @@ NAMED = dict(zip(("q1", "q2", "q3"), JOINTS, strict=True))
 
 
 @pytest.mark.parametrize(("vary", "joints"), [(HEADINGS, JOINTS), (HEADINGS | ROBOTS, NAMED)])
-def test_joints_choose_the_nearest_arm_branch_on_all_roads(
-    vary: dict[str, Any], joints: Any, tmp_path: Path
-) -> None:
+def test_joints_choose_the_nearest_arm_branch_on_all_roads(vary, joints, tmp_path):
     """In an ensemble, one by one, with ``--run``, and where a worker runs it."""
     study = a_study(tmp_path, vary, cases=24, files="none", start={"joints": joints})
     rows = list(run_study(study, tmp_path / "out", workers=1, report=False).rows)

@@ -1,11 +1,8 @@
 """Databases of studies that are damaged or altered, and links in the place of their files."""
 
-from __future__ import annotations
-
 import random
 import shutil
 import sqlite3
-from collections.abc import Callable
 from contextlib import closing, suppress
 from pathlib import Path
 from typing import Any
@@ -77,9 +74,7 @@ def flipped_in_header(data: bytearray, chance: random.Random) -> bytearray:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("damage", [truncated, zeroed, flipped, flipped_in_header])
-def test_no_damaged_row_is_believed(
-    damage: Callable[[bytearray, random.Random], bytearray], study: Study, tmp_path: Path
-) -> None:
+def test_no_damaged_row_is_believed(damage, study, tmp_path):
     """Whole rows are read as they were written; all else is one error or computed again."""
     finished(study, tmp_path / "whole", *map(values, range(COUNT)))
     whole = rows_of(study, tmp_path / "whole")
@@ -117,9 +112,7 @@ def test_no_damaged_row_is_believed(
         ["INSERT INTO study SELECT * FROM study"],
     ],
 )
-def test_an_altered_database_is_refused(
-    statements: list[str], study: Study, tmp_path: Path
-) -> None:
+def test_an_altered_database_is_refused(statements, study, tmp_path):
     finished(study, tmp_path / "out", *map(values, range(3)))
     altered(tmp_path / "out", *statements)
     assert error_key(finished, study, tmp_path / "out") == "output"
@@ -142,9 +135,7 @@ def test_an_altered_database_is_refused(
         ("UPDATE runs SET bytes = 7", [0, 1, 2]),
     ],
 )
-def test_rows_that_are_not_as_written_count_as_missing(
-    statement: str, left: list[int], study: Study, tmp_path: Path
-) -> None:
+def test_rows_that_are_not_as_written_count_as_missing(statement, left, study, tmp_path):
     finished(study, tmp_path / "out", *map(values, range(3)))
     altered(tmp_path / "out", statement)
     rows = finished(study, tmp_path / "out")
@@ -169,9 +160,7 @@ def test_damaged_and_missing_result_files_are_written_again(tmp_path: Path) -> N
 
 
 @pytest.mark.parametrize("name", OUTPUTS)
-def test_a_link_in_the_place_of_a_file_is_refused_before_the_runs(
-    name: str, tmp_path: Path
-) -> None:
+def test_a_link_in_the_place_of_a_file_is_refused_before_the_runs(name, tmp_path):
     file = write_study(tmp_path, VARY, base=SHORT, cases=3)
     precious, out = tmp_path / "precious", tmp_path / "out"
     precious.mkdir() if name == "cases" else precious.write_text("precious")

@@ -1,7 +1,5 @@
 """Results on disk: the database, the tables, the summary, the report."""
 
-from __future__ import annotations
-
 import csv
 import math
 import os
@@ -12,7 +10,6 @@ from typing import Any
 import pyarrow.parquet
 import pytest
 from lxml import html
-from playwright.sync_api import Browser
 
 from freefloat.errors import InputError
 from freefloat.studies.database import open_results
@@ -75,9 +72,7 @@ def test_spreadsheets_evaluate_no_cell(study: Study, tmp_path: Path) -> None:
         (VARY, {"cases": 4, "base": BASE | {"timing": {"duration": 90}}}),
     ],
 )
-def test_another_study_is_refused(
-    vary: dict[str, Any], keys: dict[str, Any], study: Study, tmp_path: Path
-) -> None:
+def test_another_study_is_refused(vary, keys, study, tmp_path):
     finished(study, tmp_path / "out", FEASIBLE)
     assert error_key(finished, a_study(tmp_path, vary, **keys), tmp_path / "out") == "output"
     assert len(finished(study, tmp_path / "out")) == 1
@@ -176,9 +171,7 @@ def test_the_report_has_the_numbers_and_escapes_names(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_runs_of_the_report_are_sorted_and_linked(
-    study: Study, tmp_path: Path, browser: Browser
-) -> None:
+def test_runs_of_the_report_are_sorted_and_linked(study, tmp_path, browser):
     (tmp_path / "cases").mkdir()
     (tmp_path / str(FEASIBLE["file"])).touch()
     report_of(study, tmp_path, FEASIBLE, INFEASIBLE)

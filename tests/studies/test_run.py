@@ -1,7 +1,5 @@
 """One run: the results of its command in a row, or the error that ended it."""
 
-from __future__ import annotations
-
 import json
 import pickle
 import xml.etree.ElementTree as ET

@@ -1,7 +1,5 @@
 """Studies as a whole: their processes, killed, interrupted and continued; estimates."""
 
-from __future__ import annotations
-
 import json
 import os
 import re
@@ -309,9 +307,7 @@ def test_an_estimate_times_every_step_and_writes_nothing(folder: Path) -> None:
         (["odd.yaml", "-o", "out"], "urdf"),
     ],
 )
-def test_invalid_input_is_exit_code_2_with_the_key(
-    words: list[str], key: str, folder: Path
-) -> None:
+def test_invalid_input_is_exit_code_2_with_the_key(words, key, folder):
     text = write_study(folder, RANDOM, base=SHORT, cases=3).read_text()
     (folder / "broken.yaml").write_text(text.replace("momentum", "momentun"))
     (folder / "odd.yaml").write_text(text.replace("base.yaml", "far.yaml"))

@@ -1,7 +1,5 @@
 """Values of varied keys have their distribution; Sobol indices are SciPy's."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

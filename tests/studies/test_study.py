@@ -1,9 +1,6 @@
 """Study files: the runs they make, and errors before anything runs."""
 
-from __future__ import annotations
-
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -94,9 +91,7 @@ RANDOM, LISTED = {"momentum.2": {"uniform": [0, 1]}}, {"momentum.2": {"list": [0
           "timing.duration": {"grid": {"from": 1, "to": 2, "count": 2000}}}, {}, "vary"),
     ],
 )  # fmt: skip
-def test_errors_name_file_and_key(
-    vary: dict[str, Any], keys: dict[str, Any], key: str, tmp_path: Path
-) -> None:
+def test_errors_name_file_and_key(vary, keys, key, tmp_path):
     with pytest.raises(InputError) as caught:
         a_study(tmp_path, vary, **keys)
     assert (caught.value.source, caught.value.key) == (str(tmp_path / "study.yaml"), key)
@@ -117,9 +112,7 @@ def test_a_heading_is_for_planar_tasks(tmp_path: Path) -> None:
     assert error_key(a_study, tmp_path, LISTED, base=base) == "heading_deg"
 
 
-def test_limits_of_links_that_the_robot_does_not_have_are_refused_before_the_runs(
-    tmp_path: Path,
-) -> None:
+def test_limits_of_links_that_the_robot_does_not_have_are_refused_before_the_runs(tmp_path):
     antenna = {
         "body": "mast",
         "axis": [1, 0, 0],
@@ -170,9 +163,7 @@ PAYLOAD = {"mass": 5, "inertia": [0.1, 0.1, 0.1]}
         ("attitude", {"normal": {"mean": [0, 0, 0, 1], "sd": 0.1}}, {"cases": 50}),
     ],
 )  # fmt: skip
-def test_a_value_that_a_run_does_not_accept_is_an_error_before_all(
-    key: str, section: dict[str, Any], keys: dict[str, Any], tmp_path: Path
-) -> None:
+def test_a_value_that_a_run_does_not_accept_is_an_error_before_all(key, section, keys, tmp_path):
     base = BASE | {"robot": BASE["robot"] | {"payload": PAYLOAD}}
     keys |= {"heading_deg": None} if key == "attitude" else {}
     assert error_key(a_study, tmp_path, {key: section}, base=base, **keys) == f"vary.{key}"

@@ -1,7 +1,5 @@
 """The command track of a study: how often the margin survives mass errors, noise and friction."""
 
-from __future__ import annotations
-
 import tempfile
 from pathlib import Path
 from typing import Any

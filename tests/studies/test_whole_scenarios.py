@@ -3,14 +3,13 @@
 Rows are compared with ``ff.simulate`` of the posed scenario.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 import freefloat as ff
+from freefloat.planning.simulation import Simulation
 from freefloat.studies.dry_run import why_run_by_run
 from freefloat.studies.run import record_values
 from freefloat.studies.runner import run_study
@@ -73,7 +72,7 @@ def a_spatial_study(folder: Path, vary: dict[str, Any], **keys: Any) -> Study:
 
 def rows_and_simulations(
     study: Study, folder: Path, apart: int
-) -> tuple[list[dict[str, Any]], list[tuple[dict[str, Any], ff.Simulation]]]:
+) -> tuple[list[dict[str, Any]], list[tuple[dict[str, Any], Simulation]]]:
     """All rows, and some of those that ensembles decided with precise motions of the same runs."""
     rows = list(run_study(study, folder, workers=1, report=False).rows)
     decided = [row for row in rows if str(row["decided_by"]).startswith("ensemble")]
@@ -90,7 +89,7 @@ def of_limit(row: dict[str, Any], name: str) -> float | None:
     return row.get(f"found.limits.{name}", row.get(f"limits.{name}"))
 
 
-def assert_same(row: dict[str, Any], simulation: ff.Simulation) -> None:
+def assert_same(row: dict[str, Any], simulation: Simulation) -> None:
     """Verdicts are equal, values within 1e-4."""
     chosen = simulation.chosen
     assert row["verdict"] == ("feasible" if simulation.feasible else "infeasible")
@@ -113,7 +112,7 @@ def assert_same(row: dict[str, Any], simulation: ff.Simulation) -> None:
         assert row["limits_kept"] is (not names)
 
 
-def assert_same_extremes(row: dict[str, Any], simulation: ff.Simulation) -> None:
+def assert_same_extremes(row: dict[str, Any], simulation: Simulation) -> None:
     """Final attitude, rates, turn and range ratios; what limits the motion, unless two are near."""
     for key, value in record_values(simulation).items():
         if key.startswith(("final_attitude.", "base_", "joint_rates.", "range_ratios.")):
@@ -159,9 +158,7 @@ def test_paths_in_frames_that_turn_with_a_mount_go_run_by_run(tmp_path: Path) ->
 @pytest.mark.parametrize(
     ("vary", "keys"), [(VARY | LINKS | DRIFTS, {}), (VARY | LINKS, {"start": {"branch": "best"}})]
 )
-def test_rates_turn_and_pointing_are_limited_without_precise_motions(
-    vary: dict[str, Any], keys: dict[str, Any], tmp_path: Path
-) -> None:
+def test_rates_turn_and_pointing_are_limited_without_precise_motions(vary, keys, tmp_path):
     """All verdicts occur; runs on their own are those near to a limit."""
     base = BASE | {"limits": LIMITS}
     study = a_spatial_study(tmp_path, vary, base=base, cases=120, **keys)
@@ -188,9 +185,7 @@ def test_rates_turn_and_pointing_are_limited_without_precise_motions(
         {"clearance": 0.0137},
     ],
 )
-def test_some_limits_are_checked_on_recorded_motions(
-    limits: dict[str, float], tmp_path: Path
-) -> None:
+def test_some_limits_are_checked_on_recorded_motions(limits, tmp_path):
     """Of motions that keep all other limits; the robots differ in masses."""
     base, name = BASE | {"limits": LIMITS | limits}, next(iter(limits))
     study = a_spatial_study(tmp_path, VARY | LINKS, base=base, cases=32)

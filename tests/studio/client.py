@@ -1,7 +1,5 @@
 """A client of the studio's socket."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 from collections.abc import AsyncIterator, Callable, Coroutine

@@ -1,7 +1,5 @@
 """A studio that runs as the command does."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal

@@ -1,7 +1,5 @@
 """Answers of the worker agree with the library, also where there is nothing to show."""
 
-from __future__ import annotations
-
 import base64
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Edits change what they are named for and nothing else, in every frame."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The studio in a browser: drag, choose, play, undo, save; what survives a reload and a crash."""
 
-from __future__ import annotations
-
 import json
 import re
 import statistics

@@ -1,7 +1,5 @@
 """Who is admitted to the studio, and what is accepted."""
 
-from __future__ import annotations
-
 import http.client
 import json
 import socket
@@ -143,9 +141,7 @@ def test_two_hundred_slow_connections_do_not_stop_it(studio: Studio) -> None:
 
 
 @pytest.mark.slow
-def test_it_ends_with_exit_code_zero_and_its_worker_with_it(
-    start_studio: Callable[..., Studio],
-) -> None:
+def test_it_ends_with_exit_code_zero_and_its_worker_with_it(start_studio):
     studio = start_studio("planar_2dof/line", "--json")
     worker = studio.worker()
     assert studio.stop() == 0
@@ -155,9 +151,7 @@ def test_it_ends_with_exit_code_zero_and_its_worker_with_it(
 
 
 @pytest.mark.slow
-def test_the_browser_is_told_a_private_page_that_is_deleted_at_the_end(
-    start_studio: Callable[..., Studio],
-) -> None:
+def test_the_browser_is_told_a_private_page_that_is_deleted_at_the_end(start_studio):
     studio = start_studio("planar_2dof/line")
     assert studio.token not in studio.told()  # arguments, which all users can read
     page = Path(urlsplit(studio.told()).path)

@@ -1,7 +1,5 @@
 """Comparisons and their tolerances: the table of validation in docs."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 

@@ -1,7 +1,5 @@
 """What plans claim, attacked by the searches of ``scripts/attack_claims.py``."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import cache

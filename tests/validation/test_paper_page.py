@@ -1,7 +1,5 @@
 """docs/paper.md is what its script writes, and its numbers are those computed."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 from pathlib import Path

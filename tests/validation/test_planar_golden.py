@@ -44,9 +44,7 @@ def planar_task(dof: int) -> ff.Task:
     ],
     ids=["two links 40/4/3", "NTUA Cepheus", "CBK PAN"],
 )
-def test_planar_golden_values(
-    table: tuple[list[float], ...], joints: list[float], S: float, D: float, gjm: float
-) -> None:
+def test_planar_golden_values(table, joints, S, D, gjm):
     """det A, D and det S* of three planar systems, to all digits known from three other codes."""
     model = ff.FreeFloatingModel.from_urdf(planar_robot(*table))
     task = planar_task(model.dof)

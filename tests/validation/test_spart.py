@@ -53,9 +53,7 @@ def spart_generalized_jacobian(
     shutil.which("gcc") is None and "CI" not in os.environ,
     reason="SPART compiles itself when first used and there is no gcc",
 )
-def test_spart_finds_the_same_generalized_jacobian(
-    tmp_path: Path, rng: np.random.Generator
-) -> None:
+def test_spart_finds_the_same_generalized_jacobian(tmp_path, rng):
     """SPART uses centres of mass and the spacecraft's inertial axes; S* is the same."""
     # one test, so that one worker only meets SPART, which compiles itself when first used
     structures = [("RRRRRR", "")] * 6

@@ -1,7 +1,5 @@
 """Robots on a table, beside Pinocchio's planar root joint with SciPy, and beside MuJoCo."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 

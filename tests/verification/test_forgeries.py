@@ -3,8 +3,6 @@
 The values of a record are found by its classes alone, so that a new field takes part.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Callable, Iterator, Mapping

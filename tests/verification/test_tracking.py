@@ -1,7 +1,5 @@
 """``ff.track``: a controller with the nominal robot follows a plan on another robot in MuJoCo."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Which figures a plan has; joint space and headings show its margins, ranges and motions."""
 
-from __future__ import annotations
-
 from functools import cache
 from pathlib import Path
 
@@ -32,12 +30,11 @@ def few_headings(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def folder(folder: Path) -> Path:
     """A working folder with a feasible scenario and one with a large margin."""
-    (tmp_path / "good.yaml").write_text(SCENARIO)
-    (tmp_path / "strict.yaml").write_text(SCENARIO.replace("value: 5", "value: 120"))
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
+    (folder / "good.yaml").write_text(SCENARIO)
+    (folder / "strict.yaml").write_text(SCENARIO.replace("value: 5", "value: 120"))
+    return folder
 
 
 @cache

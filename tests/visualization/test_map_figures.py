@@ -1,7 +1,5 @@
 """Figures and slices of maps show the numbers of the map with names and units."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg

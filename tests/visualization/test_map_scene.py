@@ -1,9 +1,6 @@
 """Maps in the viewer: points are the samples, colours their margins, each branch by itself."""
 
-from __future__ import annotations
-
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -60,9 +57,7 @@ def points(scene: PageScene, title: str) -> dict[str, list[np.ndarray]]:
 
 
 @pytest.mark.parametrize(("title", "columns"), [(maps.BEST_BRANCH, slice(None)), (SECOND, [2])])
-def test_points_are_rotation_vectors_coloured_by_the_margin(
-    scene: PageScene, result: AttitudeMap, title: str, columns: Any
-) -> None:
+def test_points_are_rotation_vectors_coloured_by_the_margin(scene, result, title, columns):
     drawn, margins = points(scene, title), result.margins[:, columns].max(axis=1)
     vectors = Rotation.from_quat(result.attitudes).as_rotvec()
     feasible, front = margins >= result.problem.margin.threshold, vectors[:, 1] < 0.0

@@ -1,7 +1,5 @@
 """Figures of a motion show the motion: its numbers, its margin, its end, its errors."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -99,9 +97,7 @@ def test_the_margin_is_drawn_where_it_is(drawn: Drawn) -> None:
 
 
 @pytest.mark.slow
-def test_compared_motions_share_scales_of_equal_units(
-    planar: SimulatedBranch, singular: SimulatedBranch
-) -> None:
+def test_compared_motions_share_scales_of_equal_units(planar, singular):
     first, second = planar.motion, singular.motion
     margin = second.problem.margin
     other = replace(margin, measure=replace(margin.measure, unit="m"))

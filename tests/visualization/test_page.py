@@ -1,7 +1,5 @@
 """Pages in a browser show what motions and maps say."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 
@@ -110,9 +108,7 @@ def test_a_page_plays_phases_in_turn(browser: Browser, tmp_path: Path, monkeypat
 
 
 @pytest.mark.slow
-def test_button_and_slider_show_the_state(
-    browser: Browser, planar: ff.Problem, tmp_path: Path
-) -> None:
+def test_button_and_slider_show_the_state(browser, planar, tmp_path):
     """Whatever moves the time: a click, a key on the page, a key on the slider."""
     motion = ff.simulate(planar, heading_quaternion(np.radians(200.0))).chosen.motion
     with opened(browser, ff.playback(motion).save(tmp_path / "page.html")) as page:
@@ -185,9 +181,7 @@ def test_the_plot_seeks_keys_turn_the_view_and_joints_are_those_of_the_plan(
 
 
 @pytest.mark.slow
-def test_the_verdict_on_a_motion_below_the_margin_is_not_that_of_a_feasible_one(
-    browser: Browser, tmp_path: Path
-) -> None:
+def test_the_verdict_on_a_motion_below_the_margin_is_not_that_of_a_feasible_one(browser, tmp_path):
     problem = ff.load_scenario("planar_3dof/parabola_nonstop").problem()
     chosen = ff.simulate(problem, heading=np.radians(200.0), branch=0).chosen
     margin = replace(problem.margin, threshold=1.00001 * chosen.closest_approach.value)

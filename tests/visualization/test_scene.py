@@ -1,7 +1,5 @@
 """The command stream of a scene with its surroundings, read back, and the page around it."""
 
-from __future__ import annotations
-
 import gzip
 import re
 from base64 import b64decode
@@ -171,9 +169,7 @@ def test_moving_bodies_have_tracks_and_fixed_ones_a_place(motion: Motion) -> Non
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("half_angle", "body"), [(0.3, "client"), (None, None)])
-def test_the_surface_of_the_corridor_is_at_its_limit(
-    motion: Motion, half_angle: float | None, body: str | None
-) -> None:
+def test_the_surface_of_the_corridor_is_at_its_limit(motion, half_angle, body):
     radius = 0.4 if half_angle is None else None
     corridor = ff.Corridor([0.1, 0.2, -0.3], [1.0, 2.0, 0.5], half_angle, radius, body)
     scene = scene_of(motion, BODIES, corridor)
@@ -197,9 +193,7 @@ LIMITS = ff.Limits(pointing=[SUN, VIEW])
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("number", "drift"), [(0, 0.02), (1, 0.0)])
-def test_the_rim_is_at_the_angle_from_the_target_and_the_arrow_is_the_axis(
-    number: int, drift: float, motion: Motion
-) -> None:
+def test_the_rim_is_at_the_angle_from_the_target_and_the_arrow_is_the_axis(number, drift, motion):
     """Also of a cone that opens backward, and while the target passes by."""
     limit = LIMITS.pointing[number]
     path = replace(motion.problem.path, drift=[drift, 0.0, 0.0])

@@ -1,7 +1,5 @@
 """Areas, paths and outlines of robots are drawn where they are."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

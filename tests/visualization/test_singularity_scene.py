@@ -1,13 +1,9 @@
 """The surface det A = 0 of scenes, pages and figures, by Pinocchio's matrices."""
 
-from __future__ import annotations
-
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
-from playwright.sync_api import Browser
 
 import freefloat as ff
 from freefloat.beyond.joint_space import scene as scenes
@@ -58,9 +54,7 @@ def test_the_determinant_vanishes_on_the_surface_and_is_positive_in_front() -> N
     ("name", "items"),
     [("planar_3dof/parabola", "det A, det A = 0, Axes"), ("spatial_6dof/line", "det A = 0, Axes")],
 )
-def test_a_page_shows_the_singularities(
-    name: str, items: str, browser: Browser, tmp_path: Path
-) -> None:
+def test_a_page_shows_the_singularities(name, items, browser, tmp_path):
     file = ff.playback(mapped(name)).save(tmp_path / "page.html")
     with opened(browser, file) as page:
         assert [item["name"] for item in page.ask("freefloat.about.items")] == items.split(", ")

@@ -1,7 +1,5 @@
 """Figure of a study."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

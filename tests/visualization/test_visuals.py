@@ -1,7 +1,5 @@
 """Visuals of URDF files in place, and default shapes for bodies without visuals."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 
