@@ -91,6 +91,8 @@ def test_no_phase_of_a_manoeuvre_is_in_contact(problem: ff.Problem) -> None:
     default, off = (ff.plan_manoeuvre(bent, [fold], AROUND, each) for each in (DEFAULT, OFF))
     assert off.feasible
     assert any(touches(phase.motion) for phase in off.phases)
+    scenes = ff.playback(off).scene.description.scenes
+    assert any(f"warning: {off.contact}" in scene.lines for scene in scenes)
     for phase in default.phases:
         assert phase.motion is None or not phase.feasible or not touches(phase.motion)
     if not default.feasible:

@@ -23,11 +23,11 @@ from freefloat.scene.scene_body import EndEffectorPoses
 from freefloat.so3 import heading_quaternion
 from freefloat.visualization.page.playback import Playback
 from freefloat.visualization.scenes.description import MarginColours
-from freefloat.visualization.scenes.scene import motion_scene
+from freefloat.visualization.scenes.scene import Place, motion_scene
 from freefloat.visualization.scenes.scene_builder import PageScene
 from freefloat.visualization.scenes.visuals import body_poses, robot_visuals
 from tests.errors import error_key
-from tests.motions import GOOD
+from tests.motions import BAD, GOOD
 from tests.scene_commands import commands, tracks, vertices
 
 
@@ -68,6 +68,15 @@ def test_the_trail_shows_the_measure_by_time_and_colour(scene: PageScene, motion
     start, end = (motion.problem.path.pose(t).position for t in (0.0, 100.0))
     points, along = vertices(scene, tube) - start, (end - start) / np.linalg.norm(end - start)
     assert np.linalg.norm(points - np.outer(points @ along, along), axis=1).max() < 0.03
+
+
+def test_texts_on_a_page_have_the_times_of_its_clock(motion: Motion, spatial: ff.Problem) -> None:
+    """Of phases that begin 7 s before the first path: the clock is 7 s behind the page."""
+    phases = {"before": motion, "path": ff.simulate(spatial, BAD, branch=2).chosen.motion}
+    scene = motion_scene(phases, places=[Place(-7.0), Place(93.0)])
+    (label,) = (one for one in scene.description.scenes[1].labels if one.item == "Singularity")
+    end = phases["path"].final.time
+    assert (label.text, label.since) == (f"singular at t = {93.0 + end:.3f} s", 100.0 + end)
 
 
 @pytest.mark.slow

@@ -159,9 +159,7 @@ class Manoeuvre(Answer):
         """Why it succeeds, or which phase fails and why."""
         if self._failed is None:
             return f"all {len(self.phases)} phases succeed"
-        name, reason = self._failed.name, self._failed.reason
-        since = f"; t counts from the beginning of {name}" if "t = " in reason else ""
-        return f"{name}: {reason}{since}"
+        return phase_reason(self._failed)
 
     @property
     def not_reached(self) -> tuple[str, ...]:
@@ -217,6 +215,12 @@ class Manoeuvre(Answer):
             "phases": [phase.to_dict() for phase in self.phases],
             "not_reached": list(self.not_reached),
         }  # fmt: skip
+
+
+def phase_reason(phase: PhaseResult) -> str:
+    """Name and reason of a phase, and from when the times in it count."""
+    since = f"; t counts from the beginning of {phase.name}" if "t = " in phase.reason else ""
+    return f"{phase.name}: {phase.reason}{since}"
 
 
 def with_resting_arms(motions: Sequence[Motion | None]) -> list[Motion | None]:

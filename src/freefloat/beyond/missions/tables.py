@@ -53,7 +53,7 @@ def _summary(manoeuvre: Manoeuvre) -> Iterator[RenderableType]:
                 f"{decimals(first.joints)}"
             )
         if phase.kind == "capture":
-            yield f"{phase.name}: {_found(phase)}"
+            yield _found(phase)
     yield from limit_lines([
         replace(_timed(phase, result), where=f"{phase.name}: {result.where}")
         for phase, result in manoeuvre.worst_results
@@ -64,7 +64,7 @@ def _phases(manoeuvre: Manoeuvre) -> Iterator[RenderableType]:
     """What each phase found: reasons, states and limits."""
     for phase in manoeuvre.phases:
         yield ""
-        yield f"{phase.name}: {_found(phase)}"
+        yield _found(phase)
         if phase.motion is not None:
             yield f"  first attitude x y z w  {attitude_text(phase.motion.initial.attitude)}"
             yield f"  first joints            {decimals(phase.motion.initial.joints)}"
@@ -118,7 +118,11 @@ def _margin(phase: PhaseResult) -> str:
 
 
 def _found(phase: PhaseResult) -> str:
-    return _capture(cast("Capture", phase.result)) if phase.kind == "capture" else phase.reason
+    from freefloat.beyond.missions.manoeuvre import phase_reason
+
+    if phase.kind == "capture":
+        return f"{phase.name}: {_capture(cast('Capture', phase.result))}"
+    return phase_reason(phase)
 
 
 def _capture(capture: Capture) -> str:

@@ -120,8 +120,13 @@ def draw_axes(builder: SceneBuilder, path: str, length: float, radius: float) ->
         builder.mesh(f"{path}/{letter}", line, colour, shaded=False, overlay=True)
 
 
-def draw_ending(builder: SceneBuilder, root: str, motion: Motion) -> list[Label]:
-    """Mark the end of a motion that became singular or fell below the margin."""
+def draw_ending(
+    builder: SceneBuilder, root: str, motion: Motion, start: float = 0.0
+) -> list[Label]:
+    """Mark the end of a motion that became singular or fell below the margin.
+
+    The clock of the page shows ``start`` where its time is zero [s].
+    """
     if motion.completed:
         return []
     final = motion.final
@@ -131,8 +136,8 @@ def draw_ending(builder: SceneBuilder, root: str, motion: Motion) -> list[Label]
     builder.place(path, Pose(position, np.eye(3)))
     builder.appear(path, final.time)
     word = "singular" if motion.ending is Ending.SINGULAR else "below the margin"
-    text = f"{word} at t = {final.time:.3f} s"
-    return [Label(text, position.tolist(), SINGULARITY, final.time)]
+    text = f"{word} at t = {start + final.time:.3f} s"
+    return [Label(text, position.tolist(), SINGULARITY, builder.start + final.time)]
 
 
 def tube(points: Array, radii: npt.ArrayLike) -> Surface:

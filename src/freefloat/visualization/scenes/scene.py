@@ -46,7 +46,7 @@ class Place:
     """When and where the coordinates of a motion begin.
 
     Attributes:
-        start: Time of all motions together at which its time is zero [s].
+        start: Time of all motions together, as the clock shows it, at which its time is zero [s].
         origin: Place of the centre of mass then [m].
     """
 
@@ -119,14 +119,13 @@ def motion_scene(
         samples.append(SampledMotion.of(motion, *drawn, pointing, limit))
     places = places or [Place()] * len(samples)
     start = places[0].start
-    places = [replace(place, start=place.start - start) for place in places]
     setting = samples[0].motion.setting
     planar = setting.task.planar
     scale = MarginColours.over(setting.margin, [sampled.values for sampled in samples])
     builder = SceneBuilder()
     broken = violations or {}
     scenes = tuple(
-        _draw(builder, name, sampled, scale, place, broken.get(name, ""))
+        _draw(builder, name, sampled, scale, place, start, broken.get(name, ""))
         for name, sampled, place in zip(motions, samples, places, strict=True)
     )
     others = dict.fromkeys(item for sampled in samples for item in sampled.surroundings.items)
@@ -164,10 +163,14 @@ def _draw(
     sampled: SampledMotion,
     scale: MarginColours,
     place: Place,
+    first: float,
     violation: str,
 ) -> TitledScene:
-    """Draw a motion below the node of its title; return its description."""
-    builder.start, motion, setting = place.start, sampled.motion, sampled.motion.setting
+    """Draw a motion below the node of its title; return its description.
+
+    The clock shows ``first`` where the page begins [s].
+    """
+    builder.start, motion, setting = place.start - first, sampled.motion, sampled.motion.setting
     root = f"{ROOT}/{node(title)}"
     times, areas, size = sampled.times, sampled.areas, overlays.thickness(setting)
     colours = replace(scale, margin=setting.margin)
@@ -179,9 +182,8 @@ def _draw(
     for visual in sampled.visuals.shapes:
         builder.visual(f"{bodies[visual.body]}/{node(visual.name)}", visual)
     labels = overlays.draw_path(builder, root, motion)
-    labels += overlays.draw_centre(builder, root, setting) + overlays.draw_ending(
-        builder, root, motion
-    )
+    labels += overlays.draw_centre(builder, root, setting)
+    labels += overlays.draw_ending(builder, root, motion, place.start)
     labels += sampled.surroundings.draw(builder, root)
     labels += [cone.draw(builder, root, size) for cone in sampled.cones]
     moved = {path: body for body, path in enumerate(bodies)}
@@ -206,17 +208,19 @@ def _draw(
         builder.move(path, times, points, quaternions[-1])
     model, joints = setting.model, sampled.joints.T.round(5).tolist()
     trail = Trail(
-        (place.start + times).round(6).tolist(),
+        (builder.start + times).round(6).tolist(),
         [float(f"{value:.6g}") for value in sampled.values],
         sampled.fractions.round(6).tolist() if motion.law.follows_path else None,
         6 * overlays.SIDES,
         list(zip(model.joint_names, model.prismatic.tolist(), joints, strict=True)),
     )
     contact, event, margin = deepest_contact(motion), singular_event(motion), setting.margin
+    if contact is not None:
+        contact = replace(contact, time=place.start + contact.time)
     kept = not margin.threshold or margin.keeps(closest_approach(motion, margin.measure).value)
     return TitledScene(
-        title, node(title), labels, begin=place.start + float(times[0]),
-        end=place.start + float(times[-1]), origin=np.asarray(place.origin).round(6).tolist(),
+        title, node(title), labels, begin=builder.start + float(times[0]),
+        end=builder.start + float(times[-1]), origin=np.asarray(place.origin).round(6).tolist(),
         margin=margin.threshold, keeps_margin=bool(kept), ending=motion.ending.name.lower(),
         verdict=motion.outcome if event is None else f"{motion.outcome} Kind: {event.kind}.",
         trail=trail,
