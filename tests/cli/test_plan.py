@@ -39,7 +39,13 @@ def test_a_spatial_plan_is_printed_and_written() -> None:
     assert plan["residuals"]["end_effector_position"] < 1e-7
     assert document("check", "plan.h5")["proved"] is True
     assert "100.00% (95% confidence: 94.34% to 100.00%) of 64 initial attitudes" in text
-    assert re.search(r"Tolerances: attitude .* deg, momentum .* N m s .*, duration .* s\.", text)
+    shown = re.findall(
+        r"Tolerances: attitude (.*) deg, momentum (\S+) N m s .*, duration .* s\.", text
+    )
+    found = plan["robust_radius_deg"], plan["tolerance"]["momentum"]
+    ((radius, momentum),) = (map(float, numbers) for numbers in shown)
+    assert 0.99 * found[0] < radius <= found[0]
+    assert 0.999 * found[1] < momentum <= found[1]
     assert text.count("\n") <= MOST_LINES
 
 

@@ -1,11 +1,13 @@
 """Limits along a motion: closed forms, splines, each violated in turn, the needed stretch."""
 
 import json
+import re
 from dataclasses import replace
 from functools import partial
 
 import numpy as np
 import pytest
+import yaml
 from scipy.interpolate import CubicSpline
 
 import freefloat as ff
@@ -18,6 +20,7 @@ from freefloat.motion.integration import integrate_motion
 from freefloat.motion.motion import Ending
 from freefloat.paths.timed_path import TimedPath
 from freefloat.paths.timing import Stop, TimeLaw, Timing
+from tests.commands import run
 from tests.errors import error_key
 from tests.motions import BAD, GOOD, bundled, first_motion, heading, lasting, simulated
 from tests.prismatic import (
@@ -175,6 +178,23 @@ def test_the_stretched_motion_just_keeps_the_limit(name):
     (result,) = check_limits(longer, Limits(**{name: limits[name]}))
     assert result.kept
     assert_close(result.ratio, 1.0, atol=1e-6)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("excess", [2e-6, 3e-5, 0.1])
+def test_a_violated_limit_does_not_look_kept(excess, tmp_path):
+    """In the tables of simulate and check, however little it is violated."""
+    scenario, file = ff.load_scenario("planar_2dof/line"), tmp_path / "line.yaml"
+    motion = ff.simulate(scenario.problem(), heading=0.3, branch=1).motion
+    rate = abs(result_of(motion, Limits(np.full(2, WIDE)), "joint_rate").worst) / (1.0 + excess)
+    limits = {"limits": {"joint_rate": rate, "clearance": "off"}}
+    file.write_text(yaml.safe_dump(yaml.safe_load(scenario.text) | limits))
+    start = ("--heading", np.degrees(0.3), "--branch", 1, "-o", tmp_path / "motion.h5")
+    for words in (("simulate", file, *start), ("check", tmp_path / "motion.h5")):
+        lines = run(*words).stdout.splitlines()
+        (line,) = (line for line in lines if "joint rate " in line and "≤" in line)
+        found, allowed, *_ = map(float, re.findall(r" (\d+\.\d+)", line))
+        assert found > allowed
 
 
 def test_rates_and_torques_towards_a_singularity_have_no_bound(spatial):

@@ -73,10 +73,11 @@ def _tables(report: CheckReport, file: Path) -> Iterator[RenderableType]:
     for entry in report.checks:
         if entry in same:
             continue
+        digits = _digits(entry)
         checks.add_row(
             Text(entry.name),
-            _with_unit(entry),
-            "" if entry.allowed is None else f"{entry.relation} {_number(entry.allowed)}",
+            _with_unit(entry, digits),
+            "" if entry.allowed is None else f"{entry.relation} {_number(entry.allowed, digits)}",
             "" if entry.time is None else f"{entry.time:.4f}",
             _outcome(entry),
             Text(entry.detail if entry.passed else ""),
@@ -116,14 +117,23 @@ def _outcome(entry: Check) -> Text:
     return Text("violated", "yellow") if entry.exceeds else Text("passed", "green")
 
 
-def _with_unit(entry: Check) -> str:
-    number = _number(entry.recomputed)
+def _digits(entry: Check) -> int:
+    """Digits of a row, with which a value beyond what is allowed looks so."""
+    from freefloat.limits.result import digits_apart
+
+    if entry.allowed is None or not entry.exceeds:
+        return 4
+    return digits_apart(entry.recomputed, entry.allowed, 4)
+
+
+def _with_unit(entry: Check, digits: int) -> str:
+    number = _number(entry.recomputed, digits)
     return number if entry.unit in ("", "1") or not number else f"{number} {entry.unit}"
 
 
-def _number(value: Any) -> str:
+def _number(value: Any, digits: int) -> str:
     if value is None:
         return ""
     if not isinstance(value, float):
         return str(value)
-    return f"{value:.4g}" if math.isfinite(value) else "unbounded"
+    return f"{value:.{digits}g}" if math.isfinite(value) else "unbounded"

@@ -169,6 +169,7 @@ def _start_lines(result: AttitudeMap | HeadingMap) -> Iterator[str]:
 
 def _candidate_lines(result: AttitudeMap) -> Iterator[str]:
     """Yield lines on the attitudes between the samples."""
+    from freefloat.limits.result import rounded_down
     from freefloat.planning.reasons import reach_message
 
     best, robust, nearest = result.best, result.robust, result.nearest
@@ -179,7 +180,8 @@ def _candidate_lines(result: AttitudeMap) -> Iterator[str]:
         measure = result.problem.margin.measure.title
         yield f"best:    {_place(best)}, minimum {measure} {best.minimum_margin:.6g}"
     if robust is not None:
-        yield f"robust:  {_place(robust)}, attitude tolerance {math.degrees(robust.radius):.6g} deg"
+        radius = rounded_down(math.degrees(robust.radius), 6)
+        yield f"robust:  {_place(robust)}, attitude tolerance {radius:.6g} deg"
     if nearest is not None:
         yield f"nearest: {_place(nearest)}, {math.degrees(nearest.deviation):.6g} deg away"
     if result.touch is not None:

@@ -85,18 +85,21 @@ def motion_lines(chosen: SimulatedBranch, verbose: bool = True) -> Iterator[str]
     """Lines on a motion: closest approach and first state; ``verbose``: last state, residuals."""
     from freefloat.dynamics.measures import measure_title
     from freefloat.dynamics.redundancy import SINGULAR_SPEED
+    from freefloat.limits.result import digits_apart
     from freefloat.motion.singularity import singular_event
 
     motion, closest = chosen.motion, chosen.closest_approach
     problem, initial, final = motion.problem, motion.initial, motion.final
     start = f"from joints {decimals(initial.joints, 3)}"
     name = start if problem.redundant else f"of branch {chosen.branch.index}"
+    minimum, threshold = chosen.minimum_margin, problem.margin.threshold
     verdict = "keeps" if chosen.feasible else "violates"
+    digits = 6 if chosen.feasible else digits_apart(minimum, threshold, 6)
     unit = f" {problem.margin.measure.unit}".removesuffix(" 1")
     yield (
         f"Motion {name}: {motion.outcome} Minimum margin |{measure_title(closest.measure)}| "
-        f"{chosen.minimum_margin:.6g}{unit} at t = {closest.time:.3f} s, {verdict} the margin "
-        f"{problem.margin.threshold:g}."
+        f"{minimum:.{digits}g}{unit} at t = {closest.time:.3f} s, {verdict} the margin "
+        f"{threshold:.{digits}g}."
     )
     yield f"  initial attitude x y z w  {attitude_text(initial.attitude)}"
     joint_unit = "rad, m" if problem.model.prismatic.any() else "rad"

@@ -173,18 +173,20 @@ def _chosen_lines(plan: Plan, verbose: bool) -> Iterator[str]:
 
 
 def _tolerances(plan: Plan) -> Iterator[str]:
-    """The tolerated deviations of attitude, momentum and duration."""
+    """The tolerated deviations of attitude, momentum and duration, which no rounding enlarges."""
+    from freefloat.limits.result import rounded_down, rounded_up
     from freefloat.motion.margin import keeps_threshold
 
     if plan.robust_radius is not None:
         spare = plan.search.required_radius
         less = spare > 0.0 and not keeps_threshold(plan.robust_radius, spare)
         wanted = f" (less than search.spare_deg {math.degrees(spare):g})" if less else ""
-        yield f"attitude {math.degrees(plan.robust_radius):.3g} deg{wanted}"
+        yield f"attitude {rounded_down(math.degrees(plan.robust_radius), 3):.3g} deg{wanted}"
     if (tolerance := plan.tolerance) is not None:
         more = " or more" if tolerance.momentum >= tolerance.momentum_limit else ""
-        yield f"momentum {tolerance.momentum:.4g} N m s{more} in any direction"
-        yield f"duration {tolerance.shortest:.5g} to {tolerance.longest:.5g} s"
+        yield f"momentum {rounded_down(tolerance.momentum, 4):.4g} N m s{more} in any direction"
+        shortest, longest = rounded_up(tolerance.shortest, 5), rounded_down(tolerance.longest, 5)
+        yield f"duration {shortest:.5g} to {longest:.5g} s"
 
 
 def _touch_lines(plan: Plan) -> Iterator[str]:

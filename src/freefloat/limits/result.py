@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass
+from decimal import ROUND_CEILING, ROUND_FLOOR, Context
 from typing import Any
 
 _UNBOUNDED = ("worst", "allowed", "ratio")
@@ -81,10 +82,16 @@ class LimitResult:
         return "deg" if self.unit == "rad" and self.limit in _IN_DEGREES else self.unit
 
     def shown(self, value: float, digits: int = 4) -> str:
-        """A value of the limit in that unit, rounded; ``"unbounded"`` for infinity."""
+        """A value of the limit in that unit, rounded; ``"unbounded"`` for infinity.
+
+        With more digits where a violated bound would look kept.
+        """
         if not math.isfinite(value):
             return "unbounded"
-        return f"{math.degrees(value) if self.shown_unit == 'deg' else value:.{digits}g}"
+        unit = math.degrees(1.0) if self.shown_unit == "deg" else 1.0
+        if not self.kept:
+            digits = digits_apart(unit * self.worst, unit * self.bound, digits)
+        return f"{unit * value:.{digits}g}"
 
     @property
     def sentence(self) -> str:
@@ -140,7 +147,22 @@ def needed_stretch(results: Iterable[LimitResult]) -> float:
     return max([1.0, *(result.stretch for result in results)])
 
 
-def rounded_up(factor: float) -> float:
-    """The next larger number of four digits, of 1 or more."""
-    digits = 10.0 ** (3 - math.floor(math.log10(factor)))
-    return math.ceil(factor * digits * (1.0 - 1e-9)) / digits
+def rounded_up(value: float, digits: int = 4) -> float:
+    """The next larger number of some digits."""
+    return _rounded(value, digits, ROUND_CEILING)
+
+
+def digits_apart(value: float, bound: float, digits: int) -> int:
+    """Digits, at least some, with which two numbers that differ do not look the same."""
+    numbers = range(digits, 17)
+    return next((n for n in numbers if f"{value:.{n}g}" != f"{bound:.{n}g}"), digits)
+
+
+def rounded_down(value: float, digits: int = 4) -> float:
+    """The next smaller number of some digits, as which guaranteed values are shown."""
+    return _rounded(value, digits, ROUND_FLOOR)
+
+
+def _rounded(value: float, digits: int, rounding: str) -> float:
+    """A number of some digits; what differs from one by less than ten digits show is that one."""
+    return float(Context(digits, rounding).create_decimal(f"{value:.10g}"))

@@ -9,6 +9,7 @@ import numpy as np
 
 from freefloat.ensemble.result import EnsembleResult
 from freefloat.errors import InputError, did_you_mean, finite_number
+from freefloat.limits.result import rounded_down
 from freefloat.planning.candidates import Ball, Candidate, NearAttitude, WidestRange
 from freefloat.planning.objective import Choices, Comparison, Objective, Ranks
 from freefloat.planning.pattern_search import depths
@@ -200,11 +201,11 @@ def _nearest(deviation: float, spare: float) -> str:
 def _too_narrow(spare: float, radius: float) -> str:
     return (
         f"the deepest inside: no attitude found keeps the margin within {np.degrees(spare):.4g} "
-        f"degrees around it; this one keeps it within {np.degrees(radius):.4g}"
+        f"degrees around it; this one keeps it within {rounded_down(np.degrees(radius)):.4g}"
     )
 
 
 def _deepest(ball: Ball) -> str:
-    degrees = np.degrees(ball.radius)
+    degrees = rounded_down(np.degrees(ball.radius))
     kept = "is kept" if ball.branch is not None else "can be kept, from some configuration,"
     return f"the deepest inside: the margin {kept} up to {degrees:.4g} degrees around it"

@@ -18,7 +18,7 @@ from freefloat.dynamics.measures import measure_title
 from freefloat.dynamics.plane import Plane
 from freefloat.ensemble.endings import COMPLETED, FAILED, LIMITED, SINGULAR, UNREACHED
 from freefloat.errors import InputError, UnreachableError
-from freefloat.limits.result import LimitResult, all_violations, violated
+from freefloat.limits.result import LimitResult, all_violations, digits_apart, violated
 from freefloat.motion.extrema import ClosestApproach
 from freefloat.motion.motion import Ending, Motion
 from freefloat.motion.problem import Problem
@@ -83,6 +83,11 @@ class Verdict:
         return _SENTENCES[self.cause].format(verdict=self)
 
     @property
+    def digits(self) -> int:
+        """Digits of the value and of what is required of it."""
+        return digits_apart(self.value, self.allowed, 4)
+
+    @property
     def brief(self) -> str:
         """The verdict in a cell of a table."""
         return _CELLS[self.cause].format(verdict=self)
@@ -91,8 +96,8 @@ class Verdict:
 _SENTENCES = {
     Cause.KEPT: "{verdict.sentence}",
     Cause.SINGULAR: "the arm becomes singular at t = {verdict.time:.4g} s",
-    Cause.MARGIN: "{verdict.name} falls to {verdict.value:.4g} at t = {verdict.time:.4g} s, "
-    "{verdict.allowed:.4g} is required",
+    Cause.MARGIN: "{verdict.name} falls to {verdict.value:.{verdict.digits}g} at t = "
+    "{verdict.time:.4g} s, {verdict.allowed:.{verdict.digits}g} is required",
     Cause.LIMIT: "{verdict.sentence}",
     Cause.JUMP: "joint rates would change by {verdict.value:.3g} rad/s or m/s where it begins; "
     "a phase with joints before it brings the arm to rest",

@@ -20,6 +20,7 @@ from freefloat.dynamics.measures import measure_title, singularity_measure
 from freefloat.dynamics.momentum import inertia_matrices
 from freefloat.dynamics.redundancy import singular_speed
 from freefloat.errors import FreeFloatError, InputError
+from freefloat.limits.result import digits_apart, rounded_down
 from freefloat.motion.margin import keeps_threshold
 from freefloat.motion.motion import Ending, Motion
 from freefloat.so3 import angle_between
@@ -225,9 +226,11 @@ def _margin_check(minimum: CertifiedMinimum, motion: Motion, feasible: bool) -> 
     required = None
     if feasible and minimum.measure == problem.margin.measure.name:
         required = problem.margin.threshold
-    passed, detail = True, f"lower bound between the nodes: {minimum.bound:.4g}"
-    if feasible and not keeps_threshold(minimum.value, required or 0.0):
-        passed, detail = False, f"{minimum.value:.6g} is below the margin {required or 0.0:.6g}"
+    detail = f"lower bound between the nodes: {rounded_down(minimum.bound):.4g}"
+    passed, least = True, required or 0.0
+    if feasible and not keeps_threshold(minimum.value, least):
+        n = digits_apart(minimum.value, least, 6)
+        passed, detail = False, f"{minimum.value:.{n}g} is below the margin {least:.{n}g}"
     elif not minimum.bound and motion.completed:
         passed, detail = not feasible, "nothing is proven between the nodes"
     elif not minimum.bound:

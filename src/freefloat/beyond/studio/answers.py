@@ -14,7 +14,7 @@ from freefloat.ensemble import endings
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.ensemble.result import BranchResults
 from freefloat.limits.limits import Limits
-from freefloat.limits.result import LimitResult
+from freefloat.limits.result import LimitResult, digits_apart
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
 from freefloat.motion.setting import Setting
@@ -147,9 +147,10 @@ def _reasons(problem: Problem, results: BranchResults, columns: IntArray) -> Ite
             case endings.COMPLETED if problem.margin.keeps(minimum):
                 yield f"feasible: |{name}| stays at {minimum:.4g} or above"
             case endings.COMPLETED:
+                n = digits_apart(minimum, required, 4)
                 yield (
-                    f"|{name}| falls to {minimum:.4g} at t = {minimum_at:.4g} s, "
-                    f"below the margin {required:.4g}"
+                    f"|{name}| falls to {minimum:.{n}g} at t = {minimum_at:.4g} s, "
+                    f"below the margin {required:.{n}g}"
                 )
             case endings.SINGULAR:
                 yield f"becomes singular at t = {ended_at:.4g} s"

@@ -12,6 +12,7 @@ from meshcat import geometry as g
 from freefloat.attitude_grids import even_directions
 from freefloat.ensemble.feasibility import has_wrist_flipped_branches
 from freefloat.ik.labels import branch_name
+from freefloat.limits.result import rounded_down
 from freefloat.planning.margin_map import HeadingMap, MarginMap
 from freefloat.planning.space.attitude_map import AttitudeMap
 from freefloat.so3 import Array, Pose
@@ -178,7 +179,8 @@ def _lines(result: AttitudeMap, group: _BranchMargins) -> Iterator[str]:
     if best is not None and group.has(best.branch):
         yield f"best: |{margin.measure.title}| {best.minimum_margin:.6g}"
     if robust is not None and group.has(robust.branch):
-        yield f"robust: keeps the margin within {np.degrees(robust.radius):.4g}°"
+        radius = rounded_down(np.degrees(robust.radius))
+        yield f"robust: keeps the margin within {radius:.4g}°"
     if nearest is not None and group.has(nearest.branch):
         yield f"nearest: {np.degrees(nearest.deviation):.4g}° away"
     if group.margins.min() < 0.0:
