@@ -141,7 +141,7 @@ def test_the_starts_of_a_redundant_arm_are_followed_through_samples() -> None:
         assert all(keeps(motion, limits) for motion in motions) is kept
     assert {region.branch for region in (*samples.regions, samples.best)} == {None}
     easy = redundant("4", ff.Task.PLANAR_POSE, None, seed=3).problem  # with a margin of zero
-    assert ff.plan(easy, tolerances=False).feasible_fraction == 1.0
+    assert ff.plan(easy, tolerances=False).to_dict()["feasible_fraction"] == 1.0
 
 
 @pytest.mark.slow

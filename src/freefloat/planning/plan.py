@@ -26,7 +26,7 @@ _MOTION_KEYS = (
     "certificate", "heading_deg", "ended_at", "ending", "joint_names",
 )  # fmt: skip
 """Keys of the chosen motion in documents; null where there is none."""
-_MAP_KEYS = ("samples", "seed", "feasible_fraction", "feasible_fraction_error")
+_MAP_KEYS = ("samples", "seed", "feasible_fraction_error")
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,6 +142,7 @@ class Plan(Answer):
             "contact": self.contact and self.contact.to_dict(),
             "excluded": {str(limit): count for limit, count in self.excluded.items()},
             "stretched_duration": self.needed_stretch and self.needed_stretch * duration,
+            "feasible_fraction": self.feasible_fraction,
             **{key: getattr(self.map, key, None) for key in _MAP_KEYS},
         }
         if self.chosen is None:
