@@ -75,7 +75,13 @@ def test_a_loaded_motion_knows_what_moves_its_arm(file: Path) -> None:
 
 @pytest.mark.slow
 def test_a_file_is_verified_with_mujoco(file: Path) -> None:
-    assert document("check", file, "--engine", "mujoco")["proved"]
+    found = document("check", file, "--engine", "mujoco")
+    assert found["proved"]
+    stated = [
+        (f"{phase.name}: {entry.where}", pytest.approx(phase.start + entry.time))
+        for phase in ff.load(file).phases for entry in phase.limit_results
+    ]  # fmt: skip
+    assert [(entry["where"], entry["time"]) for entry in found["limits"]] == stated
 
 
 @pytest.mark.slow

@@ -81,6 +81,7 @@ def test_a_plan_has_the_results_of_plan(tmp_path: Path) -> None:
     document = load(tmp_path / "run.h5").to_dict()
     for key in ("robust_radius_deg", "heading_deg", "branch"):
         assert row[key] == pytest.approx(document[key])
+    assert (row["limiting"], row["limiting_time"]) == ("margin", document["min_margin"]["time"])
     ranges = {str(entry["branch"]): entry["ranges"] for entry in document["attitude_ranges_deg"]}
     for branch, spans in ranges.items():
         assert json.loads(row[f"attitude_ranges_deg.{branch}"]) == spans
@@ -114,6 +115,14 @@ def test_goals_and_manoeuvres_have_the_results_of_plan(tmp_path: Path) -> None:
         assert first.values["verdict"] == "feasible"
         assert second.values["verdict"] == ("feasible" if base is goal else "infeasible")
         assert first.values["limits.joint_rate"] <= 1.0
+        ends = [
+            (entry["ratio"], phase.get("start", 0.0) + entry["time"], entry["where"])
+            for phase in document.get("phases", [document])
+            for entry in phase["limits"]
+        ]
+        _, time, joint = max(ends)
+        assert first.values["limiting_time"] == pytest.approx(time)
+        assert first.values["limiting"].endswith(f" of {joint}")
     keys["command"] = "track"
     study = a_study(tmp_path, {"track.seed": {"list": [1]}}, base=base, **keys)
     assert followed_motion(json.dumps(study.inputs(0)), study.base_source).kind == "plan"

@@ -130,6 +130,11 @@ def _is_number(value: Any) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
+def family(name: str, values: Mapping[Any, Any]) -> dict[str, Any]:
+    """The columns of a family, such as ``joints.0`` and ``joints.1``."""
+    return {f"{name}.{key}": value for key, value in values.items()}
+
+
 def result_name(column: str, joints: Sequence[str]) -> str:
     """The name of a column of results, with its unit, for a robot with these joints."""
     family, _, entry = column.partition(".")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import tempfile
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -35,6 +35,7 @@ from freefloat.studies.columns import (
     MARGIN_REASON,
     SINGULARITY_LIMITS,
     UNCHECKED,
+    family,
     finite,
 )
 from freefloat.studies.folder import FILES, WRITABLE
@@ -185,7 +186,7 @@ def simulation_values(simulation: Simulation) -> dict[str, Any]:
     elif names:
         reason = LIMITS_REASON.format(names)
     values = {"verdict": INFEASIBLE if reason else FEASIBLE, "reason": reason}
-    values |= motion_values(chosen) | _extreme_values(chosen) | _limiting(chosen, limits)
+    values |= motion_values(chosen) | _extreme_values(chosen) | _limiting(simulation)
     return values | limit_values(limits) | {"decided_by": DECIDERS[MOTION]}
 
 
@@ -202,8 +203,9 @@ def plan_values(plan: Plan) -> dict[str, Any]:
 
 
 def verdict_values(answer: Answer) -> dict[str, Any]:
-    """Whether an answer is feasible, and why."""
-    return {"verdict": FEASIBLE if answer.feasible else INFEASIBLE, "reason": answer.reason}
+    """Whether an answer is feasible, why, and what limits it."""
+    verdict = FEASIBLE if answer.feasible else INFEASIBLE
+    return {"verdict": verdict, "reason": answer.reason, **_limiting(answer)}
 
 
 def map_values(result: AttitudeMap | HeadingMap) -> dict[str, Any]:
@@ -271,16 +273,19 @@ def _extreme_values(chosen: SimulatedBranch) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _limiting(chosen: SimulatedBranch, limits: Sequence[LimitResult]) -> dict[str, Any]:
-    """What is nearest to its bound along a motion, or farthest beyond it, and when."""
-    motion, margin = chosen.motion, chosen.closest_approach
-    if motion.ending is Ending.SINGULAR:
-        return {"limiting": SINGULARITY_LIMITS, "limiting_time": motion.final.time}
-    required = motion.setting.margin.threshold
-    ratio = required / margin.value if margin.value else np.inf
-    candidates = [(ratio, MARGIN_LIMITS, margin.time)]
-    candidates += [(r.ratio, LIMITING.format(r.limit, r.where), r.time) for r in limits]
-    _, name, time = max(candidates, key=lambda candidate: candidate[0])
+def _limiting(answer: Answer) -> dict[str, Any]:
+    """What is nearest to its bound along the motions, or farthest beyond it, and when."""
+    nearest: list[tuple[float, str | None, float | None]] = [(-np.inf, None, None)]
+    for phase in answer.phases:
+        start, chosen, limits = phase.start, phase.chosen, phase.limit_results
+        if chosen is not None:
+            motion, margin = chosen.motion, chosen.closest_approach
+            if motion.ending is Ending.SINGULAR:
+                nearest.append((np.inf, SINGULARITY_LIMITS, start + motion.final.time))
+            ratio = motion.setting.margin.threshold / margin.value if margin.value else np.inf
+            nearest.append((ratio, MARGIN_LIMITS, start + margin.time))
+        nearest += [(r.ratio, LIMITING.format(r.limit, r.where), start + r.time) for r in limits]
+    _, name, time = max(nearest, key=lambda entry: entry[0])
     return {"limiting": name, "limiting_time": time}
 
 
@@ -293,8 +298,3 @@ def limit_values(limits: Sequence[LimitResult]) -> dict[str, Any]:
 def attitude_values(quaternion: Sequence[float], name: str = "attitude") -> dict[str, Any]:
     """The columns of a quaternion x, y, z, w."""
     return family(name, dict(zip("xyzw", quaternion, strict=True)))
-
-
-def family(name: str, values: Mapping[Any, Any]) -> dict[str, Any]:
-    """The columns of a family, such as ``joints.0`` and ``joints.1``."""
-    return {f"{name}.{key}": value for key, value in values.items()}

@@ -26,9 +26,9 @@ from freefloat.planning.plan import Plan
 from freefloat.planning.settings import Search
 from freefloat.records import Tree
 from freefloat.robot.model import FreeFloatingModel
+from freefloat.studies.columns import family
 from freefloat.studies.run import (
     attitude_values,
-    family,
     limit_values,
     margin_values,
     plan_values,

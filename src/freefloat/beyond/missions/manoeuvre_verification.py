@@ -20,6 +20,7 @@ from freefloat.beyond.missions.state import SystemState
 from freefloat.dynamics.momentum import conserved, momentum_map
 from freefloat.limits.check import LimitChecker
 from freefloat.limits.limits import Limits
+from freefloat.limits.result import LimitResult
 from freefloat.motion.law import JointLaw
 from freefloat.motion.motion import Ending, Motion, State
 from freefloat.planning.answer import PhaseResult
@@ -132,11 +133,15 @@ def manoeuvre_report(manoeuvre: Manoeuvre, engine: str) -> tuple[CheckReport, Kn
         engine: As for :func:`~freefloat.verification.check.check`.
     """
     checks, phases, path = list[Check](), list[Known](), Known(Plan, {})
+    limits = list[LimitResult]()
     for stated, again in _recomputed(manoeuvre):
         report, known = _phase_report(stated, again, engine)
         for check in report.checks:
             time = None if check.time is None else again.start + check.time
             checks.append(replace(check, name=f"{again.name}: {check.name}", time=time))
+        for limit in report.limits:
+            where, time = f"{again.name}: {limit.where}", again.start + limit.time
+            limits.append(replace(limit, where=where, time=time))
         fields = {"name": again.name, "kind": again.kind, "start": again.start,
                   "centre": again.centre, "result": known}  # fmt: skip
         phases.append(Known(PhaseResult, fields))
@@ -148,7 +153,8 @@ def manoeuvre_report(manoeuvre: Manoeuvre, engine: str) -> tuple[CheckReport, Kn
         checks.append(Check("feasible", False, manoeuvre.reason, False))
     turned = any(phase.name == REORIENTATION for phase in manoeuvre.phases)
     values = {"path": path, "phases": tuple(phases), "reorient": turned or Origin.GIVEN}
-    return CheckReport(manoeuvre.kind, tuple(checks)), Known(Manoeuvre, values)
+    report = CheckReport(manoeuvre.kind, tuple(checks), limits=tuple(limits))
+    return report, Known(Manoeuvre, values)
 
 
 def _phases_check(manoeuvre: Manoeuvre) -> Check:
