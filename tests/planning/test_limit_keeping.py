@@ -134,3 +134,10 @@ def test_the_nearest_attitude_is_moved_toward_the_present_one() -> None:
     assert np.degrees(result.deviation) == pytest.approx(19.6, abs=1.5)
     apart = checked_plan(PLANAR.problem(), limits, replace(search, spare=np.radians(2.0)))
     assert np.degrees(apart.deviation - result.deviation) == pytest.approx(2.0, abs=0.1)
+
+
+def test_motions_that_whirl_beside_a_singularity_end_no_search() -> None:
+    present = [0.214244, 0.509361, 0.204854, -0.80789]
+    search = ff.Search("nearest", present, samples=64, spare=0.0)
+    plan = ff.plan(ff.load_scenario("ets_vii/reach").problem(), search, tolerances=False)
+    assert plan.feasible, plan.reason

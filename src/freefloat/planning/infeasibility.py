@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
+
 import numpy as np
 
 from freefloat.dynamics.tasks import Task
 from freefloat.ensemble.endings import COMPLETED, LIMITED, SINGULAR
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
+from freefloat.errors import IntegrationError
 from freefloat.motion.problem import Problem
 from freefloat.motion.singularity import SingularEvent, singular_event
 from freefloat.planning.candidates import Candidate
@@ -71,8 +74,10 @@ def _last_singularity(samples: AttitudeMap) -> SingularEvent | None:
     n, branch = np.unravel_index(int(np.argmax(times)), times.shape)
     if not np.isfinite(times[n, branch]):
         return None
-    longest = integrate_branch(samples.problem, samples.attitudes[n], int(branch))
-    return singular_event(longest.motion)
+    with suppress(IntegrationError):  # it whirls beside the singularity
+        longest = integrate_branch(samples.problem, samples.attitudes[n], int(branch))
+        return singular_event(longest.motion)
+    return None
 
 
 def no_feasible_heading_message(

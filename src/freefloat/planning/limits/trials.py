@@ -9,14 +9,17 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from freefloat.ensemble.endings import COMPLETED, LIMITED, UNREACHED
+from freefloat.ensemble.compiled_motions import precise_motion
+from freefloat.ensemble.endings import COMPLETED, LIMITED, SINGULAR, UNREACHED
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.ensemble.result import BranchResults, EnsembleResult
+from freefloat.errors import IntegrationError
 from freefloat.limits.check import LimitChecker
 from freefloat.limits.kinds.base_rate import BaseRateLimit
 from freefloat.limits.kinds.clearance import ClearanceLimit
@@ -26,7 +29,7 @@ from freefloat.limits.limits import Limits
 from freefloat.limits.result import LimitResult, needed_stretch
 from freefloat.motion.problem import Problem
 from freefloat.planning.candidates import ScreenedCandidate
-from freefloat.planning.motions import SimulatedBranch, integrate_branch
+from freefloat.planning.motions import SimulatedBranch, simulated_branch
 from freefloat.planning.objective import Comparison
 from freefloat.robot.model import largest_range_ratio
 from freefloat.scene.scene_body import EndEffectorPoses
@@ -79,7 +82,16 @@ class Trials:
 
     def at(self, attitude: Array, branch: int) -> PassedTrial | None:
         """Result of :meth:`check` for the precise motion of an arm branch at an attitude (4,)."""
-        return self.check(integrate_branch(self.problem, attitude, branch))
+        problem = self.problem
+        start = next(entry for entry in problem.branches(attitude) if entry.index == branch)
+        motions = self.evaluator.integrator.integrate(attitude[None], start.joints[None])
+        if motions.endings[0] != SINGULAR:
+            with suppress(IntegrationError):  # it whirls beside a singularity
+                motion = precise_motion(problem, attitude, start.joints)
+                return self.check(simulated_branch(start, motion))
+        self.count += 1
+        self._refuse("margin")
+        return None
 
     def best_at(self, attitude: Array) -> PassedTrial | None:
         """The motion from an attitude (4,) that keeps everything with the largest margin."""
