@@ -30,7 +30,8 @@ _REDUCTION = 4
 _AMPLE = 1e9
 """Largest multiple of a margin, which may be zero."""
 _MOST, _FEWEST = 512, 64
-"""Largest and smallest number of attitudes whose arm branches a thread looks for at once."""
+"""Largest and smallest number of attitudes whose arm branches a thread looks for at once: closed
+forms take as long for a few."""
 _ATTITUDE_SIZE, _MOTION_SIZE, _JOINT_SIZE = 500, 200, 40
 """Memory of a map for an attitude, for each of its motions, and for each joint of a motion, with
 the copies made of it [bytes]."""
@@ -75,7 +76,7 @@ class FeasibilityEvaluator:
         on_wrist = not set(bodies).isdisjoint(_WRIST_BODIES)  # whose axes wrist flips move
         self.wrist_flipped = has_wrist_flipped_branches(problem) and not on_wrist
         exact = closed_form(problem.model_at(), problem.task)
-        self.sample_reduction = 1 if exact else _REDUCTION
+        self.sample_reduction, self._fewest = (1, _MOST) if exact else (_REDUCTION, _FEWEST)
 
     @property
     def threads(self) -> int:
@@ -112,7 +113,7 @@ class FeasibilityEvaluator:
             progress: Called with the fraction done, in [0, 1].
         """
         count = len(attitudes)
-        size = min(_MOST, max(-(-count // self.threads), _FEWEST))
+        size = min(_MOST, max(-(-count // self.threads), self._fewest))
         threshold = self.problem.margin.threshold if stop_at_margin else 0.0
         parts: dict[int, BranchResults] = {}
 
@@ -146,18 +147,18 @@ class FeasibilityEvaluator:
         if self.wrist_flipped:
             both = np.repeat(exist[:, ::2] & exist[:, 1::2], 2, axis=1)
             sources = columns - columns % 2 * both[rows, columns]
-        chosen = np.zeros_like(exist)
-        chosen[rows, sources] = exist[rows, sources]
+        own, starts, derived = joints[rows, columns], joints[rows, sources], sources != columns
+        chosen = exist[rows, sources] & (~derived if branch is None else True)
         result = integrator.integrate(
-            attitudes[np.nonzero(chosen)[0]], joints[chosen], stop_below=threshold,
+            attitudes[np.nonzero(chosen)[0]], starts[chosen], stop_below=threshold,
             extremes=extremes, progress=progress,
         )  # fmt: skip
-        table = EnsembleResult.empty(exist.shape, joints.shape[2], self.limits.number)
+        table = EnsembleResult.empty(columns.shape, joints.shape[2], self.limits.number)
         table.assign(chosen, result)
-        table = EnsembleResult._make(values[rows, sources] for values in table)
-        own = joints[rows, columns]
-        if self.wrist_flipped:
-            _flip_wrists(table, sources != columns, joints[rows, sources], own)
+        if derived.any():
+            if branch is None:
+                table = EnsembleResult._make(values[rows, sources] for values in table)
+            _flip_wrists(table, derived, starts, own)
         return BranchResults(attitudes, own, table)
 
     def margins(self, attitudes: Array, branch: Branch) -> Array:
