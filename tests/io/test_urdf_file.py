@@ -120,7 +120,9 @@ def test_copies_of_meshes_of_the_same_name_keep_their_materials(tmp_path: Path) 
             mesh = tmp_path / folder / f"{name}.obj"
             mesh.write_text(f"mtllib {name}.mtl\nusemtl paint\n# {folder}")
             mesh.with_suffix(".mtl").write_text(f"newmtl paint\n# {folder}")
-            shapes += f'<visual><geometry><mesh filename="{mesh}"/></geometry></visual>'
+            mesh.with_suffix(".stl").write_text(f"solid\n# {folder}")  # of the same stem
+            for file in (mesh, mesh.with_suffix(".stl")):
+                shapes += f'<visual><geometry><mesh filename="{file}"/></geometry></visual>'
     robot = find_robot("planar_2dof", Path()).read_text()
     link = '<link name="end_effector">'
     plain = tmp_path / "painted.urdf"
@@ -130,7 +132,8 @@ def test_copies_of_meshes_of_the_same_name_keep_their_materials(tmp_path: Path) 
     )
     copies = [tmp_path / name for name in document["meshes"]]
     colours = [copy.read_text().partition("# ")[2] for copy in copies]
-    assert sorted(colours) == ["blue", "blue", "red", "red"]
+    assert sorted(colours) == ["blue"] * 4 + ["red"] * 4
+    assert len({copy.parent for copy in copies}) == 2
     for copy, colour in zip(copies, colours, strict=True):
         assert copy.with_suffix(".mtl").read_text().endswith(colour)
 

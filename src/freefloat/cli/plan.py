@@ -174,7 +174,7 @@ def _chosen_lines(plan: Plan, verbose: bool) -> Iterator[str]:
 
 def _tolerances(plan: Plan) -> Iterator[str]:
     """The tolerated deviations of attitude, momentum and duration, which no rounding enlarges."""
-    from freefloat.limits.result import rounded_down, rounded_up
+    from freefloat.limits.result import digits_apart, rounded_down, rounded_up
     from freefloat.motion.margin import keeps_threshold
 
     if plan.robust_radius is not None:
@@ -185,8 +185,9 @@ def _tolerances(plan: Plan) -> Iterator[str]:
     if (tolerance := plan.tolerance) is not None:
         more = " or more" if tolerance.momentum >= tolerance.momentum_limit else ""
         yield f"momentum {rounded_down(tolerance.momentum, 4):.4g} N m s{more} in any direction"
-        shortest, longest = rounded_up(tolerance.shortest, 5), rounded_down(tolerance.longest, 5)
-        yield f"duration {shortest:.5g} to {longest:.5g} s"
+        n = digits_apart(tolerance.shortest, tolerance.longest, 4) + 1
+        shortest, longest = rounded_up(tolerance.shortest, n), rounded_down(tolerance.longest, n)
+        yield f"duration {shortest:.{n}g} to {longest:.{n}g} s"
 
 
 def _touch_lines(plan: Plan) -> Iterator[str]:

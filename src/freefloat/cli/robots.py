@@ -107,6 +107,7 @@ def load_robot(
         diagnostics = _require_no_error(console, found)
         with warnings_before_errors(console, diagnostics):
             diagnostics = tuple(dict.fromkeys((*diagnostics, *loaded.model().warnings)))
+        with warnings_before_errors(console, diagnostics):
             if loaded.content.goal is None:
                 problem = loaded.problem()
                 measure = problem.margin.measure
@@ -121,6 +122,7 @@ def load_robot(
         with warnings_before_errors(console, diagnostics):
             model = FreeFloatingModel.from_urdf(source, end_effector)
             diagnostics = tuple(dict.fromkeys((*diagnostics, *model.warnings)))
+        with warnings_before_errors(console, diagnostics):
             task = natural_task(model)
             return LoadedRobot(model, task, singularity_measure(model, task, "gjm"), diagnostics)
     if scenarios := [

@@ -30,8 +30,7 @@ _REDUCTION = 4
 _AMPLE = 1e9
 """Largest multiple of a margin, which may be zero."""
 _MOST, _FEWEST = 512, 64
-"""Largest and smallest number of attitudes whose arm branches a thread looks for at once: closed
-forms take as long for a few."""
+"""Most attitudes for whose branches a thread looks at once, and fewest of numerical searches."""
 _ATTITUDE_SIZE, _MOTION_SIZE, _JOINT_SIZE = 500, 200, 40
 """Memory of a map for an attitude, for each of its motions, and for each joint of a motion, with
 the copies made of it [bytes]."""

@@ -177,7 +177,8 @@ def _copy(files: list[Path], folder: Path) -> dict[Path, str]:
     try:
         folder.mkdir(exist_ok=True)
         for file in sorted(files, key=lambda path: len(path.parts)):  # copies stay where they are
-            originals = [file, *filter(Path.is_file, [file.with_suffix(".mtl")])]
+            materials = [file.with_suffix(".mtl")] if file.suffix.lower() == ".obj" else []
+            originals = [file, *filter(Path.is_file, materials)]
             keys = {original.name.casefold() for original in originals}
             places = chain([""], (f"{number}/" for number in count(2)))
             place = next(p for p in places if taken.isdisjoint(p + key for key in keys))

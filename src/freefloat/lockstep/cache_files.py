@@ -37,10 +37,10 @@ class CheckedCacheFile(IndexDataCacheFile):
 
     @contextmanager
     def _open_for_write(self, filepath: str) -> Iterator[Any]:
-        """Open a file that the user alone can read and write, whatever the umask."""
+        """Open a file that the user alone can write, whatever the umask."""
         with super()._open_for_write(filepath) as file:
             with suppress(OSError):  # file systems without modes
-                os.chmod(file.name, 0o600)
+                os.chmod(file.name, 0o644)
             yield file
 
     def _dump(self, obj: Any) -> bytes:

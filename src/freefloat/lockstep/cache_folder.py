@@ -32,7 +32,7 @@ def cache_folder(package: Path) -> Path | None:
         folder = Path(root) / f"kernels-{_digest(package)[:16]}"
         for place in (*reversed(folder.parents), folder):  # the mode holds for the last one alone
             if not place.is_dir():
-                place.mkdir(mode=0o700, exist_ok=True)
+                place.mkdir(mode=0o700 if place == folder else 0o755, exist_ok=True)
     except (OSError, RuntimeError):  # the second: there is no home
         return None
     return folder if _is_private(folder, package) else None

@@ -190,11 +190,12 @@ class FreeFloatingModel(RigidBodyModel):
             value = held_value(robot, joint.name, self.fixed_joints)
             if is_out_of_range(joint, value):
                 ends = f"{joint.lower:g} to {joint.upper:g}"
-                problem = f"it is fixed at {value:g}, out of its range {ends}"
+                unit = "m" if joint.type == "prismatic" else "rad"
+                problem = f"it is fixed at {value:g} {unit}, out of its range {ends} {unit}"
                 remedy = f"a value of {joint.name} in robot.held (fixed_joints)"
-                name = f"joint {joint.name}"
+                name, line = f"joint {joint.name}", joint.lines.get("limit")
                 outside.append(
-                    UrdfDiagnostic(Severity.WARNING, robot.source, None, name, problem, remedy)
+                    UrdfDiagnostic(Severity.WARNING, robot.source, line, name, problem, remedy)
                 )
         return (*robot.warnings, *outside)
 

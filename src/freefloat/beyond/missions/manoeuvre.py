@@ -219,7 +219,8 @@ class Manoeuvre(Answer):
 
 def phase_reason(phase: PhaseResult) -> str:
     """Name and reason of a phase, and from when the times in it count."""
-    since = f"; t counts from the beginning of {phase.name}" if "t = " in phase.reason else ""
+    later = bool(phase.start) and "t = " in phase.reason
+    since = f"; t counts from the beginning of {phase.name}" if later else ""
     return f"{phase.name}: {phase.reason}{since}"
 
 
