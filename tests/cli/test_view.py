@@ -131,7 +131,7 @@ def test_a_map_is_viewed_alone(files: Path, folder: Path) -> None:
 
 
 def started(*words: str | Path) -> subprocess.Popen[str]:
-    """The process that serves a page, and waits for a browser until standard input ends."""
+    """The process that serves a page, with a browser that ends with the standard input."""
     environment = {**os.environ, "BROWSER": "sh -c 'read line' %s"}
     program = [sys.executable, "-m", "freefloat", "view", *map(str, words)]
     pipes: dict[str, Any] = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.PIPE)

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 import freefloat as ff
-from freefloat.limits.result import rounded_up
 from freefloat.planning.limits import keeping as limit_keeping
 from freefloat.planning.limits.keeping import keep_limits
 from freefloat.planning.motions import evaluator_for, integrate_branch
 from freefloat.planning.plan import Plan
 from freefloat.planning.space.map_sampling import sample_attitudes
+from freefloat.rounding import rounded_up
 from freefloat.so3 import heading_quaternion
 from tests.motions import bundled
 

@@ -14,6 +14,7 @@ from rich.text import Text
 
 from freefloat.cli.console import DONE, NEGATIVE, Console, table
 from freefloat.cli.options import Json, MotionFile, Quiet, option
+from freefloat.rounding import digits_apart
 
 if TYPE_CHECKING:
     from freefloat.verification.check import CheckReport
@@ -119,8 +120,6 @@ def _outcome(entry: Check) -> Text:
 
 def _digits(entry: Check) -> int:
     """Digits of a row, with which a value beyond what is allowed looks so."""
-    from freefloat.limits.result import digits_apart
-
     if entry.allowed is None or not entry.exceeds:
         return 4
     return digits_apart(entry.recomputed, entry.allowed, 4)

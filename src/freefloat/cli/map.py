@@ -26,6 +26,7 @@ from freefloat.cli.options import (
 )
 from freefloat.errors import InputError
 from freefloat.ik.labels import short_label
+from freefloat.rounding import rounded_down
 
 if TYPE_CHECKING:
     from freefloat.planning.candidates import Candidate
@@ -169,7 +170,6 @@ def _start_lines(result: AttitudeMap | HeadingMap) -> Iterator[str]:
 
 def _candidate_lines(result: AttitudeMap) -> Iterator[str]:
     """Yield lines on the attitudes between the samples."""
-    from freefloat.limits.result import rounded_down
     from freefloat.planning.reasons import reach_message
 
     best, robust, nearest = result.best, result.robust, result.nearest

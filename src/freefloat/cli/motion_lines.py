@@ -10,6 +10,7 @@ from rich.console import RenderableType
 from rich.text import Text
 
 from freefloat.cli.console import decimals, table
+from freefloat.rounding import digits_apart
 
 if TYPE_CHECKING:  # the command line shows its help without NumPy
     from freefloat.limits.result import LimitResult
@@ -85,7 +86,6 @@ def motion_lines(chosen: SimulatedBranch, verbose: bool = True) -> Iterator[str]
     """Lines on a motion: closest approach and first state; ``verbose``: last state, residuals."""
     from freefloat.dynamics.measures import measure_title
     from freefloat.dynamics.redundancy import SINGULAR_SPEED
-    from freefloat.limits.result import digits_apart
     from freefloat.motion.singularity import singular_event
 
     motion, closest = chosen.motion, chosen.closest_approach

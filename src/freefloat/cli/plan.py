@@ -23,6 +23,7 @@ from freefloat.cli.motion_lines import (
 from freefloat.cli.options import Json, Page, Plots, Quiet, ResultFile, ScenarioName, Threads
 from freefloat.ik.labels import short_label
 from freefloat.kinds import kind_of, named
+from freefloat.rounding import digits_apart, rounded_down, rounded_up
 
 if TYPE_CHECKING:
     from freefloat.planning.plan import Plan
@@ -174,7 +175,6 @@ def _chosen_lines(plan: Plan, verbose: bool) -> Iterator[str]:
 
 def _tolerances(plan: Plan) -> Iterator[str]:
     """The tolerated deviations of attitude, momentum and duration, which no rounding enlarges."""
-    from freefloat.limits.result import digits_apart, rounded_down, rounded_up
     from freefloat.motion.margin import keeps_threshold
 
     if plan.robust_radius is not None:

@@ -105,26 +105,24 @@ def load_robot(
         found = [*examine(first, mounted)]
         found += (entry for other in others for entry in examine(other, attached=True))
         diagnostics = _require_no_error(console, found)
-        with warnings_before_errors(console, diagnostics):
-            diagnostics = tuple(dict.fromkeys((*diagnostics, *loaded.model().warnings)))
-        with warnings_before_errors(console, diagnostics):
+        with warnings_before_errors(console, diagnostics) as known:
+            known += (entry for entry in loaded.model().warnings if entry not in diagnostics)
             if loaded.content.goal is None:
                 problem = loaded.problem()
                 measure = problem.margin.measure
-                return LoadedRobot(problem.model, problem.task, measure, diagnostics, loaded)
+                return LoadedRobot(problem.model, problem.task, measure, tuple(known), loaded)
             task = natural_task(loaded.model())
             measure = singularity_measure(loaded.model(), task, "gjm")
-            return LoadedRobot(loaded.model(), task, measure, diagnostics, loaded)
+            return LoadedRobot(loaded.model(), task, measure, tuple(known), loaded)
     named = robot.startswith((EXAMPLE, DESCRIPTIONS)) or robot in named_files.bundled_robots()
     if named or named_files.is_file(Path(robot)):
         source = robot_source(robot, file_options)
         diagnostics = _require_no_error(console, examine(source))
-        with warnings_before_errors(console, diagnostics):
+        with warnings_before_errors(console, diagnostics) as known:
             model = FreeFloatingModel.from_urdf(source, end_effector)
-            diagnostics = tuple(dict.fromkeys((*diagnostics, *model.warnings)))
-        with warnings_before_errors(console, diagnostics):
+            known += (entry for entry in model.warnings if entry not in diagnostics)
             task = natural_task(model)
-            return LoadedRobot(model, task, singularity_measure(model, task, "gjm"), diagnostics)
+            return LoadedRobot(model, task, singularity_measure(model, task, "gjm"), tuple(known))
     if scenarios := [
         name for name in named_files.bundled_scenarios() if name.startswith(f"{robot}/")
     ]:
@@ -178,12 +176,13 @@ def _require_no_error(
 @contextmanager
 def warnings_before_errors(
     console: Console, diagnostics: Sequence[UrdfDiagnostic]
-) -> Iterator[None]:
-    """Print warnings about a URDF before an error that ends the command."""
+) -> Iterator[list[UrdfDiagnostic]]:
+    """Print warnings about a URDF, also added ones, before an error that ends the command."""
+    known = list(diagnostics)
     try:
-        yield
+        yield known
     except InputError:
-        console.tables(diagnostic_lines(diagnostics))
+        console.tables(diagnostic_lines(known))
         raise
 
 

@@ -9,10 +9,10 @@ import numpy as np
 
 from freefloat.ensemble.result import EnsembleResult
 from freefloat.errors import InputError, did_you_mean, finite_number
-from freefloat.limits.result import rounded_down
 from freefloat.planning.candidates import Ball, Candidate, NearAttitude, WidestRange
 from freefloat.planning.objective import Choices, Comparison, Objective, Ranks
 from freefloat.planning.pattern_search import depths
+from freefloat.rounding import rounded_down
 from freefloat.so3 import Array
 
 _SAME_ATTITUDE = 1e-9

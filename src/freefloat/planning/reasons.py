@@ -18,11 +18,12 @@ from freefloat.dynamics.measures import measure_title
 from freefloat.dynamics.plane import Plane
 from freefloat.ensemble.endings import COMPLETED, FAILED, LIMITED, SINGULAR, UNREACHED
 from freefloat.errors import InputError, UnreachableError
-from freefloat.limits.result import LimitResult, all_violations, digits_apart, violated
+from freefloat.limits.result import LimitResult, all_violations, violated
 from freefloat.motion.extrema import ClosestApproach
 from freefloat.motion.motion import Ending, Motion
 from freefloat.motion.problem import Problem
 from freefloat.motion.singularity import SingularEvent
+from freefloat.rounding import digits_apart
 from freefloat.so3 import Array
 
 RETIMED = "the attitude whose motion has this timing"

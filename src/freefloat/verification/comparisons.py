@@ -20,9 +20,9 @@ from freefloat.dynamics.measures import measure_title, singularity_measure
 from freefloat.dynamics.momentum import inertia_matrices
 from freefloat.dynamics.redundancy import singular_speed
 from freefloat.errors import FreeFloatError, InputError
-from freefloat.limits.result import digits_apart, rounded_down
 from freefloat.motion.margin import keeps_threshold
 from freefloat.motion.motion import Ending, Motion
+from freefloat.rounding import digits_apart, rounded_down
 from freefloat.so3 import angle_between
 
 _ON_CURVE = 1e-8

@@ -14,7 +14,7 @@ from freefloat.ensemble import endings
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.ensemble.result import BranchResults
 from freefloat.limits.limits import Limits
-from freefloat.limits.result import LimitResult, digits_apart
+from freefloat.limits.result import LimitResult
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
 from freefloat.motion.setting import Setting
@@ -26,6 +26,7 @@ from freefloat.planning.objective import Comparison
 from freefloat.planning.objectives import LargestMargin
 from freefloat.planning.plane.arcs import BranchRanges
 from freefloat.planning.space.attitude_map import AttitudeMap
+from freefloat.rounding import digits_apart
 from freefloat.so3 import Array, IntArray
 from freefloat.visualization.page.playback import Playback
 from freefloat.visualization.scenes.description import MarginColours

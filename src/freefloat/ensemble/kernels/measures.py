@@ -128,7 +128,7 @@ def note_minimum(
 ) -> None:
     """Update the minimum by the value at the end of a step, and by a minimum inside.
 
-    The parabola through the values at the beginning, middle and end tells whether to look for one.
+    The latter is searched for where the parabola through three values of the step has a minimum.
     """
     status, T = work.status, 4 + problem.robot.n
     lower = accepted & (after < status[LOWEST])

@@ -13,7 +13,7 @@ from freefloat.ensemble.known_limits import KNOWN
 from freefloat.limits.kinds.clearance import ClearanceLimit
 from freefloat.limits.kinds.corridor import CorridorLimit
 from freefloat.limits.limits import Limits
-from freefloat.limits.result import LimitResult, all_violations, rounded_up, violated
+from freefloat.limits.result import LimitResult, all_violations, violated
 from freefloat.planning.candidates import ScreenedCandidate
 from freefloat.planning.headings import heading_depth
 from freefloat.planning.limits.stretching import Stretching
@@ -23,6 +23,7 @@ from freefloat.planning.plan import Plan
 from freefloat.planning.reasons import margin_text
 from freefloat.planning.settings import Search
 from freefloat.planning.space.tolerated_deviations import radius_around
+from freefloat.rounding import rounded_up
 from freefloat.so3 import Array, rotated, rotation_vector_to
 
 _HEADINGS = 720

@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from freefloat.errors import InputError
-from freefloat.limits.result import LimitResult, needed_stretch, rounded_up
+from freefloat.limits.result import LimitResult, needed_stretch
 from freefloat.planning.candidates import ScreenedCandidate
 from freefloat.planning.limits.trials import Trials, is_too_fast
 from freefloat.planning.motions import evaluator_for, integrate_branch
+from freefloat.rounding import rounded_up
 from freefloat.so3 import Array
 
 _STRETCHED = 8

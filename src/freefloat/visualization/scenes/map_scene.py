@@ -12,9 +12,9 @@ from meshcat import geometry as g
 from freefloat.attitude_grids import even_directions
 from freefloat.ensemble.feasibility import has_wrist_flipped_branches
 from freefloat.ik.labels import branch_name
-from freefloat.limits.result import rounded_down
 from freefloat.planning.margin_map import HeadingMap, MarginMap
 from freefloat.planning.space.attitude_map import AttitudeMap
+from freefloat.rounding import rounded_down
 from freefloat.so3 import Array, Pose
 from freefloat.visualization.scenes.description import (
     Label,
