@@ -62,11 +62,11 @@ def test_motions_are_simulated_and_checked(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_a_planar_plan_is_that_of_the_kernels(tmp_path: Path) -> None:
-    done = run(tmp_path, "plan planar_2dof/line --json")
+    done = run(tmp_path, "plan planar_2dof/arc --json")
     assert done.returncode == 0
     (line,) = without_progress(done.stderr).splitlines()  # that it takes longer, and why
     assert REASONS["ModuleNotFoundError"] in line
-    found, expected = json.loads(done.stdout), document("plan", "planar_2dof/line")
+    found, expected = json.loads(done.stdout), document("plan", "planar_2dof/arc")
     for plan in (found, expected):
         ranges = [part for entry in plan["attitude_ranges_deg"] for part in entry["ranges"]]
         plan["edges"] = [edge for part in ranges for edge in part]

@@ -13,7 +13,7 @@ import freefloat as ff
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.ik.branches import ArmBranch, arm_branches, search_arm_branches
 from freefloat.so3 import Pose, axes_rotation, rotation_vector_between
-from tests.motions import chain, gaps, virtual_jacobian
+from tests.motions import bundled, chain, gaps, virtual_jacobian
 from tests.robots import joint_values, planar_robot, random_robot
 
 START = Pose(
@@ -271,3 +271,13 @@ def test_joints_are_wrapped_into_their_range(q: np.ndarray, ranges: list[list[fl
             nearest = inside[np.argmin(np.abs(inside))] if len(inside) else angle
             assert abs(value) == pytest.approx(abs(nearest), abs=1e-12)
             assert not len(inside) or lower <= value <= upper
+
+
+def test_of_branches_with_one_shoulder_far_from_the_joints_the_nearer_elbow_counts():
+    """The distance is the shoulder's for both; rounding does not decide."""
+    problem = bundled("ur5_servicer/table").replace(
+        start_joints=np.array([1.89, -2.52, -0.96, 0.34, 2.03, 1.57])
+    )
+    headings = np.radians(np.linspace(276.1, 276.3, 50))
+    closest = problem.many_branches(problem.plane.attitudes(headings))
+    assert set(closest.names.max(axis=1).tolist()) == {2}

@@ -123,3 +123,12 @@ def test_a_spacecraft_lighter_than_its_arm_is_reported() -> None:
     light = parse_scenario(text, Path("bare.yaml")).problem()
     assert "robot.spacecraft" in light_spacecraft_hint(light)
     assert light_spacecraft_hint(ff.load_scenario("spatial_6dof/line").problem()) == ""
+
+
+def test_a_start_whose_motion_cannot_be_integrated_is_left_out(monkeypatch, caplog):
+    with monkeypatch.context() as patch:  # the motions of four branches take more steps
+        patch.setattr("freefloat.motion.integration._MAX_STEPS", 25)
+        simulation = ff.simulate(bundled("spatial_6dof/line"), [0.1, 0.5, 0.2, -0.8367])
+    assert [entry.branch.index for entry in simulation.branches] == [2, 3, 4, 5]
+    assert len(caplog.records) == 4
+    assert not ff.check(simulation).passed  # with all steps they can be integrated

@@ -9,7 +9,6 @@ from scipy.spatial.transform import Rotation
 import freefloat as ff
 from freefloat.attitude_grids import attitude_grid
 from freefloat.dynamics.generalized_jacobian import generalized_determinant
-from freefloat.ensemble.ensemble import EnsembleIntegrator
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.ensemble.systems import Systems
 from freefloat.planning.candidates import SearchEffort, Tolerance
@@ -39,8 +38,9 @@ class Case:
         assert problem.margin.keeps(chosen.closest_approach.value)
         self.minimum = chosen.closest_approach.value
         self.attitude, self.joints = chosen.motion.initial.attitude, chosen.branch.joints
-        self.integrator = EnsembleIntegrator(problem, 1)
-        self.tolerance: Tolerance = tolerance(self.integrator, self.attitude, self.joints)
+        evaluator = FeasibilityEvaluator(problem, 1)
+        self.integrator = evaluator.integrator
+        self.tolerance: Tolerance = tolerance(evaluator, chosen)
 
     def keeps(self, momenta: np.ndarray) -> np.ndarray:
         """Whether compiled motions with other momenta keep the rule of tolerances, shape (K,)."""

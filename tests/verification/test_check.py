@@ -20,6 +20,7 @@ from freefloat.verification import range_checks as robustness
 from freefloat.verification.comparisons import Check
 from tests.commands import document, run
 from tests.errors import error_key
+from tests.motions import bundled
 from tests.planes import planar_problem, turn_to
 from tests.plans import planar_plan, spatial_plan
 from tests.redundant import redundant
@@ -317,3 +318,22 @@ def test_a_start_of_a_redundant_arm_that_joint_values_choose_is_verified(tmp_pat
     ff.save(simulation, tmp_path / "motion.h5")
     report = ff.check(ff.load(tmp_path / "motion.h5"))
     assert report.passed, report.discrepancies
+
+
+TURNED = [0.06961854, 0.47314084, -0.1914662, 0.85710657]
+FOLDED = [1.53074254, 0.64349786, -1.78187367, 0.63674743, 3.14009785, -2.72809319, 2.00500715]
+"""A present state of the bundled Canadarm2, whose quietest motion hardly keeps the margin."""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "fraction", "search"),
+    [
+        ("emulator/line", 3.3, ff.Search(samples=8)),  # a range lies between the headings tried
+        ("ssrms/sweep", 1.0, ff.Search("still", TURNED, samples=128, seed=997, joints=FOLDED)),
+    ],
+)
+def test_narrow_ranges_and_margins_nearly_used_up_are_verified(name, fraction, search):
+    problem = bundled(name)
+    margin = ff.Margin(problem.margin.measure, fraction * problem.margin.threshold)
+    assert failed(ff.plan(problem.replace(margin=margin), search)) == set()

@@ -89,7 +89,8 @@ class PreciseIntegrator:
         if motion.panels:
             rates = np.nan_to_num(motion.node_rates, nan=np.inf)
             result.rates[k] = np.abs(rates[..., 3 : 3 + n]).max(axis=(0, 1))
-            result.base_rate[k] = np.linalg.norm(rates[..., :3], axis=-1).max()
+            with np.errstate(over="ignore"):  # just before a singularity the square is infinite
+                result.base_rate[k] = np.linalg.norm(rates[..., :3], axis=-1).max()
         result.evaluations[k] = len(motion.times)
         result.slacks[k] = [_least(motion, slack) for slack in self._slacks(motion)]
         result.ended_at[k] = result.minimum_at[k] = final.time

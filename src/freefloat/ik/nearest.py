@@ -15,6 +15,9 @@ from freefloat.so3 import Array
 
 _NEWTON_STEPS, _PATIENCE = 60, 6
 """Largest number of Newton's steps, and of consecutive steps that hardly reduce the residual."""
+_EQUALLY_FAR = 1e-9
+"""Difference of the distances of branches that are equally far: those that share a joint's value
+that is far from the one given do not differ by more than rounding [rad or m]."""
 GIVEN, CLOSEST = "given", "closest"
 """Labels of configurations of redundant arms that joint values choose."""
 
@@ -24,8 +27,9 @@ def closest_branches(
 ) -> BranchSets:
     """The arm branch at each of K poses that is closest to joint values (n,) or (K, n).
 
-    Distances are largest joint differences. Revolute joints are shifted by full rotations to the
-    value in their range that is nearest. The branch of a redundant arm is the configuration to
+    Distances are largest joint differences; of branches that are equally far, the sum of squares
+    decides. Revolute joints are shifted by full rotations to the value in their range that is
+    nearest. The branch of a redundant arm is the configuration to
     which Newton's method converges from the joint values, if it lies inside the joint ranges, else
     the closest one of all.
 
@@ -60,8 +64,11 @@ def closest_branches(
 
 def _closest_of(model: FreeFloatingModel, sets: BranchSets, joints: Array) -> BranchSets:
     """The branch in each of K sets that is closest to joint values (n,) or (K, n)."""
-    shifted, distance = _distances(model, sets.joints, joints[..., None, :])
-    closest = distance == distance.min(axis=1, keepdims=True)
+    near = joints[..., None, :]
+    shifted, distance = _distances(model, sets.joints, near)
+    far = distance > distance.min(axis=1, keepdims=True) + _EQUALLY_FAR
+    squares = np.where(far | ~sets.exist, np.inf, np.square(shifted - near).sum(axis=-1))
+    closest = squares == squares.min(axis=1, keepdims=True)
     closest &= sets.exist & (np.cumsum(closest, axis=1) == 1)  # the first of equals
     chosen = np.where(closest[..., None], shifted, np.nan)
     return BranchSets(chosen, np.where(closest, sets.names, -1), sets.labels)

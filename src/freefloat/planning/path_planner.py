@@ -193,6 +193,5 @@ def _with_tolerances(evaluator: FeasibilityEvaluator, plan: Plan) -> Plan:
         return plan
     if radius is None or evaluator_near(evaluator, chosen.branch.joints) is not evaluator:
         radius = radius_around(evaluator, chosen, plan.map.spacing)
-    initial = chosen.motion.initial
-    tolerances = tolerance(evaluator.integrator, initial.attitude, chosen.branch.joints)
+    tolerances = tolerance(evaluator, chosen)
     return replace(plan, robust_radius=radius, radius_effort=EFFORT, tolerance=tolerances)

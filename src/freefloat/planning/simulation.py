@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import logging
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 import numpy.typing as npt
 
 from freefloat.ensemble.compiled_motions import precise_motion
-from freefloat.errors import InputError, whole_number
+from freefloat.errors import InputError, IntegrationError, whole_number
 from freefloat.ik.branches import ArmBranch
 from freefloat.limits.check import Contact, LimitChecker, deepest_contact
 from freefloat.limits.limits import Limits, limits_for
@@ -21,13 +22,16 @@ from freefloat.planning.motions import SimulatedBranch, integrate_from, simulate
 from freefloat.planning.reasons import Verdict, reach_message, unreachable
 from freefloat.so3 import Array
 
+_logger = logging.getLogger("freefloat")
+
 
 @dataclass(frozen=True, eq=False)
 class Simulation(Answer):
     """The motions of arm branches from one attitude.
 
     Attributes:
-        branches: Every arm branch that reaches the start of the path; or the requested one alone.
+        branches: Every arm branch that reaches the start of the path, without those whose motions
+            cannot be integrated; or the requested one alone.
         chosen: The requested one; else, of the feasible ones, the one with the largest minimum
             margin that keeps the limits, or, where none does, with the largest minimum margin; or,
             where none is feasible, the one that comes nearest to it.
@@ -141,11 +145,11 @@ def simulate(
     branches, requested = _branches(problem, attitude, branch, joints)
     if requested is not None and not others:
         branches = [requested]
-    simulated = [
-        integrate_from(problem, attitude, start, stop_at_margin=stop_at_margin, tolerance=tolerance)
-        for start in branches
-    ]
-    asked = None if requested is None else [simulated[branches.index(requested)]]
+    options: dict[str, Any] = {"stop_at_margin": stop_at_margin, "tolerance": tolerance}
+    simulated = _integrated(
+        lambda start: integrate_from(problem, attitude, start, **options), branches, requested
+    )
+    asked = [entry for entry in simulated if entry.branch is requested]
     checked = _within_limits(asked or _candidates(simulated), checker)
     chosen, results = checked[0]
     contact = deepest_contact(chosen.motion, results)
@@ -176,12 +180,35 @@ def _branches(
     return branches, numbered[branch]
 
 
+def _integrated(
+    integrate: Callable[[ArmBranch], SimulatedBranch],
+    starts: Sequence[ArmBranch],
+    requested: ArmBranch | None = None,
+) -> list[SimulatedBranch]:
+    """The motions of starts; one that cannot be integrated is left out, with a warning.
+
+    Raises:
+        IntegrationError: If it is the requested one, or the only one.
+    """
+    simulated = []
+    for start in starts:
+        try:
+            simulated.append(integrate(start))
+        except IntegrationError as error:
+            if start is requested or (start is starts[-1] and not simulated):
+                raise
+            _logger.warning("start %d is left out: %s", start.index, error)
+    return simulated
+
+
 def chosen_branch(problem: Problem, attitude: Array) -> ArmBranch:
     """The arm branch that :func:`simulate` chooses at an attitude (4,); errors are the same."""
     starts, _ = _branches(problem, attitude, None, None)
     limits = limits_for(problem, None)
     checker = None if limits is None else LimitChecker(problem, limits)
-    simulated = [simulated_branch(s, precise_motion(problem, attitude, s.joints)) for s in starts]
+    simulated = _integrated(
+        lambda s: simulated_branch(s, precise_motion(problem, attitude, s.joints)), starts
+    )
     return _within_limits(_candidates(simulated), checker)[0][0].branch
 
 

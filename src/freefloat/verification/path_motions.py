@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
 from freefloat.certificate.certificate import certify
+from freefloat.errors import IntegrationError
 from freefloat.limits.check import LimitChecker, deepest_contact
 from freefloat.limits.limit import OFF
 from freefloat.limits.limits import Limits
 from freefloat.limits.result import LimitResult
+from freefloat.motion.integration import integrate_motion
 from freefloat.motion.motion import Motion
 from freefloat.planning.motions import SimulatedBranch
 from freefloat.planning.plan import Plan
@@ -131,12 +134,16 @@ def _verdicts(simulation: Simulation, results: tuple[LimitResult, ...]) -> dict[
 def _branches_check(simulation: Simulation) -> Check:
     """Whether all arm branches are stated, or the requested one alone, and none twice.
 
-    Given joints of a redundant arm may be one more.
+    Given joints of a redundant arm may be one more. Motions that cannot be integrated are left out.
     """
     problem, branches = simulation.problem, simulation.branches
-    stated = [branch.branch.index for branch in branches]
-    known = problem.branches(branches[0].motion.initial.attitude)
-    numbers = [branch.index for branch in known]
+    stated, numbers = [branch.branch.index for branch in branches], list[int]()
+    attitude = branches[0].motion.initial.attitude
+    for start in problem.branches(attitude):
+        with suppress(IntegrationError):
+            if start.index not in stated and len(stated) > 1:
+                integrate_motion(problem, attitude, start.joints)
+            numbers.append(start.index)
     others = stated[:-1] if problem.redundant and len(stated) == len(numbers) + 1 else stated
     whole = len(stated) == 1 or others == numbers
     detail = f"branches {stated} are stated of {numbers}"

@@ -19,18 +19,19 @@ from freefloat.motion.pointing import AttitudeLimits
 from freefloat.motion.problem import Problem
 from freefloat.paths.timing import TimeLaw
 from freefloat.planning.candidates import Candidate, SearchEffort, Tolerance
-from freefloat.planning.headings import heading_depth, ranges_containing
+from freefloat.planning.headings import has_exact_ranges, heading_depth, ranges_containing
 from freefloat.planning.motions import SimulatedBranch, evaluator_for, evaluator_near
 from freefloat.planning.path_planner import plan_attitude
 from freefloat.planning.plan import Plan
 from freefloat.planning.plane.arcs import BranchRanges
 from freefloat.planning.plane.search import continued_motions
-from freefloat.planning.settings import PLAN_ATTITUDES
+from freefloat.planning.settings import HEADINGS, PLAN_ATTITUDES
 from freefloat.planning.space.adversary import violations
 from freefloat.planning.space.map_sampling import sample_attitudes
 from freefloat.planning.space.tolerated_deviations import (
     LONGEST,
     NearbyAttitudes,
+    deviation_integrator,
     radius_around,
     tolerance,
 )
@@ -44,7 +45,7 @@ _NEAR_END = 5e-4
 _PRECISE = 1e-8
 """Tolerance of the motions from these headings."""
 _CIRCLE = 720
-"""Headings on the whole circle."""
+"""Most headings on the whole circle."""
 _EFFORT, _MOMENTUM_EFFORT = SearchEffort(1024, 16), SearchEffort(384, 12)
 """Efforts of the adversarial searches against robust radius and momentum tolerance."""
 _SEED = 31
@@ -96,9 +97,7 @@ def known_robustness(plan: Plan) -> dict[str, Any]:
         known["robust_radius"] = radius
     if plan.tolerance is None:
         return known | dict.fromkeys(("radius_effort", "tolerance"))
-    tolerated = tolerance(
-        evaluator.integrator, chosen.motion.initial.attitude, chosen.branch.joints
-    )
+    tolerated = tolerance(evaluator, chosen)
     values = {name: value for name, value in vars(tolerated).items() if name != "momentum_effort"}
     return known | {"tolerance": Known(Tolerance, values)}
 
@@ -156,7 +155,10 @@ def _contradictions(
 ) -> Iterator[tuple[float, int, bool]]:
     """Headings at which an ensemble of motions on the whole circle contradicts the ranges."""
     problem = plan.problem
-    headings = np.linspace(0.0, tau, _CIRCLE // evaluator.sample_reduction, endpoint=False)
+    exact = has_exact_ranges(problem)  # others may lie between the headings that were searched
+    most = _CIRCLE if exact else min(_CIRCLE, plan.search.samples or HEADINGS)
+    count = -(-most // evaluator.sample_reduction)
+    headings = np.linspace(0.0, tau, count, endpoint=False)
     outcomes = evaluator.evaluate(evaluator.problem.plane.attitudes(headings), stop_at_margin=True)
     feasible = problem.margin.keeps(outcomes.margins)
     stated = {entry.branch: entry for entry in plan.ranges}
@@ -213,6 +215,7 @@ def _tolerance_check(
     are integrated precisely.
     """
     problem, start = evaluator.problem, chosen.motion.initial
+    integrator = deviation_integrator(evaluator, chosen)
     shortest, longest, planned = stated.shortest, stated.longest, problem.path.duration
     least, most = _INSIDE * planned / LONGEST, LONGEST * planned / _INSIDE
     if not least <= shortest <= planned <= longest <= most:  # a search tries no others
@@ -226,7 +229,7 @@ def _tolerance_check(
     def integrated(momenta: Array) -> EnsembleResult:
         rows = (len(momenta), 1)
         attitudes, joints = np.tile(start.attitude, rows), np.tile(start.joints, rows)
-        return evaluator.integrator.integrate(attitudes, joints, Systems.of(problem, momenta))
+        return integrator.integrate(attitudes, joints, Systems.of(problem, momenta))
 
     def values(deviations: Array) -> Array:
         return regularity(integrated(problem.momentum + deviations), problem.margin.threshold)

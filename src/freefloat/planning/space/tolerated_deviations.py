@@ -20,7 +20,7 @@ from freefloat.dynamics.momentum import inertia_matrices
 from freefloat.ensemble.feasibility import FeasibilityEvaluator, is_kept, regularity
 from freefloat.ensemble.result import EnsembleResult
 from freefloat.ensemble.systems import Systems
-from freefloat.ensemble.without_numba import Integrator
+from freefloat.ensemble.without_numba import Integrator, integrator_for
 from freefloat.planning.candidates import Ball, Candidate, SearchEffort, Tolerance
 from freefloat.planning.line_search import Function, LineSamples, resolved
 from freefloat.planning.motions import SimulatedBranch, evaluator_near
@@ -56,6 +56,9 @@ _SECTIONS = 40
 _FINEST, _EXACT, _LEVELS = 1e-5, 1e-6, 8
 """Width of the narrowest gap between durations that is searched for, and the accuracy of the
 shortest and the longest one, as fractions, and how often an interval is divided in a round."""
+_NEARLY_USED_UP, _STRICT = 0.01, 1e-9
+"""Fraction of the margin by which a minimum exceeds a margin that is nearly used up, and tolerance
+of the integrator then."""
 LONGEST = 10.0
 """Largest ratio of durations, longer or shorter than planned, that is tried."""
 
@@ -131,14 +134,15 @@ def confirmed(evaluator: FeasibilityEvaluator, ball: Ball) -> Ball:
     return replace(ball, radius=radius)
 
 
-def tolerance(integrator: Integrator, attitude: Array, joints: Array) -> Tolerance:
+def tolerance(evaluator: FeasibilityEvaluator, chosen: SimulatedBranch) -> Tolerance:
     """Largest deviations of momentum and duration with which a motion keeps its margin.
 
     A motion is the same at another speed with the momentum, wheel momentum and the drift scaled by
     the same factor (8): a duration changed by a factor is equivalent to momenta and drift changed
-    by it. The motion begins with an attitude, a quaternion x, y, z, w, and joints (n,).
+    by it.
     """
-    problem = integrator.problem
+    problem, integrator = evaluator.problem, deviation_integrator(evaluator, chosen)
+    attitude, joints = chosen.motion.initial.attitude, chosen.branch.joints
     h, wheels, drift = problem.momentum, problem.wheel_momentum, problem.path.drift
     duration, threshold = problem.path.duration, problem.margin.threshold
 
@@ -162,6 +166,17 @@ def tolerance(integrator: Integrator, attitude: Array, joints: Array) -> Toleran
         powers = _kept_around_zero(scaled, *powers)
     shortest, longest = (duration * np.exp(powers)).tolist()
     return Tolerance(deviation, limit, shortest, longest, MOMENTUM_EFFORT)
+
+
+def deviation_integrator(evaluator: FeasibilityEvaluator, chosen: SimulatedBranch) -> Integrator:
+    """The integrator for a motion's deviations: a strict one where the margin is nearly used up.
+
+    What is left of the margin would be no larger than the usual errors of compiled motions.
+    """
+    problem = evaluator.problem
+    if chosen.minimum_margin >= (1.0 + _NEARLY_USED_UP) * problem.margin.threshold:
+        return evaluator.integrator
+    return integrator_for(problem, evaluator.threads, tolerance=_STRICT, limits=evaluator.limits)
 
 
 def _momentum_tolerance(regularity: Regularity, limit: float) -> float:

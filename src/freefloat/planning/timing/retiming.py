@@ -292,9 +292,7 @@ def _with_tolerances(plan: Plan, limits: Limits, threads: int | None) -> Plan:
     plan = certified(plan)
     if plan.chosen is None or plan.tolerance is None:
         return plan
-    initial = plan.chosen.motion.initial
     evaluator, samples = evaluator_for(plan.problem, threads, limits, plan.search), plan.map
     if samples is not None:  # steps of compiled motions depend on the timing
         samples = replace(samples, results=evaluator.evaluate(samples.results.attitudes))
-    tolerances = tolerance(evaluator.integrator, initial.attitude, initial.joints)
-    return replace(plan, map=samples, tolerance=tolerances)
+    return replace(plan, map=samples, tolerance=tolerance(evaluator, plan.chosen))
