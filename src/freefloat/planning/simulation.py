@@ -146,10 +146,9 @@ def simulate(
     if requested is not None and not others:
         branches = [requested]
     options: dict[str, Any] = {"stop_at_margin": stop_at_margin, "tolerance": tolerance}
-    simulated = _integrated(
+    simulated, asked = _integrated(
         lambda start: integrate_from(problem, attitude, start, **options), branches, requested
     )
-    asked = [entry for entry in simulated if entry.branch is requested]
     checked = _within_limits(asked or _candidates(simulated), checker)
     chosen, results = checked[0]
     contact = deepest_contact(chosen.motion, results)
@@ -184,13 +183,15 @@ def _integrated(
     integrate: Callable[[ArmBranch], SimulatedBranch],
     starts: Sequence[ArmBranch],
     requested: ArmBranch | None = None,
-) -> list[SimulatedBranch]:
-    """The motions of starts; one that cannot be integrated is left out, with a warning.
+) -> tuple[list[SimulatedBranch], list[SimulatedBranch]]:
+    """The motions of starts, and of the requested start, if any.
+
+    A motion that cannot be integrated is left out, with a warning.
 
     Raises:
         IntegrationError: If it is the requested one, or the only one.
     """
-    simulated = []
+    simulated, asked = list[SimulatedBranch](), list[SimulatedBranch]()
     for start in starts:
         try:
             simulated.append(integrate(start))
@@ -198,7 +199,9 @@ def _integrated(
             if start is requested or (start is starts[-1] and not simulated):
                 raise
             _logger.warning("start %d is left out: %s", start.index, error)
-    return simulated
+        else:
+            asked += simulated[-1:] if start is requested else []
+    return simulated, asked
 
 
 def chosen_branch(problem: Problem, attitude: Array) -> ArmBranch:
@@ -206,7 +209,7 @@ def chosen_branch(problem: Problem, attitude: Array) -> ArmBranch:
     starts, _ = _branches(problem, attitude, None, None)
     limits = limits_for(problem, None)
     checker = None if limits is None else LimitChecker(problem, limits)
-    simulated = _integrated(
+    simulated, _ = _integrated(
         lambda s: simulated_branch(s, precise_motion(problem, attitude, s.joints)), starts
     )
     return _within_limits(_candidates(simulated), checker)[0][0].branch
