@@ -177,3 +177,16 @@ def test_a_path_that_the_drift_leads_out_of_reach_is_refused(scenario: dict) -> 
     Path("mine.yaml").write_text(yaml.safe_dump(scenario | {"drift": [1.0, 0.0, 0.0]}))
     result = document("plan", "mine.yaml", code=1)
     assert result["reason"]
+
+
+@pytest.mark.parametrize("name", ["still", "margin"])
+def test_a_spacecraft_may_turn_by_more_than_half_a_revolution(name: str) -> None:
+    """Where its turn is measured or limited to half a revolution, no heading is excluded."""
+    problem = bundled("planar_2dof/line").replace(momentum=[0.0, 0.0, -0.79])
+    turns = ff.Limits(clearance=False, base_turn=np.pi if name == "margin" else None)
+    free = ff.plan(problem, ff.Search("margin"), ff.Limits(clearance=False))
+    ranges = ff.plan(problem, ff.Search(name), turns).ranges
+    for one, other in zip(free.ranges, ranges, strict=True):
+        assert max(part.width for part in one.ranges) > 1.5
+        for part, same in zip(one.ranges, other.ranges, strict=True):
+            assert (same.low, same.high) == pytest.approx((part.low, part.high), abs=1e-9)

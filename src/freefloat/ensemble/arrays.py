@@ -156,7 +156,7 @@ def _cones(
         row[TARGET:] = target
     if limits.base_turn is not None:
         turn = np.zeros(CONE_COLUMNS)
-        turn[:AXIS] = -1.0, 0.0, 1.0, np.cos(limits.base_turn / 2.0)
+        turn[:AXIS] = -1.0, 0.0, 1.0, limits.turn_cosine
         rows = np.vstack([rows, turn])
     return Cones(len(rows), duration, rows)
 

@@ -107,11 +107,11 @@ class PreciseIntegrator:
 
     def _slacks(self, motion: Motion) -> list[Slack]:
         """What the limits of attitude leave along a motion, see :attr:`EnsembleResult.slacks`."""
-        first, turn = motion.initial.attitude, self._limits.base_turn
+        first, least = motion.initial.attitude, self._limits.turn_cosine
         slacks = [partial(_pointing_slack, motion, limit) for limit in self._limits.pointing]
-        if turn is None:
+        if self._limits.base_turn is None:
             return [*slacks]
-        return [*slacks, lambda t, attitudes, joints: abs(attitudes @ first) - np.cos(turn / 2.0)]
+        return [*slacks, lambda t, attitudes, joints: abs(attitudes @ first) - least]
 
 
 def _pointing_slack(

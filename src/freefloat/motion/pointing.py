@@ -176,6 +176,12 @@ class AttitudeLimits:
         return len(self.pointing) + (self.base_turn is not None)
 
     @property
+    def turn_cosine(self) -> float:
+        """Cosine of half the largest turn; -1, which no motion reaches, for half a revolution."""
+        turn = np.pi if self.base_turn is None else self.base_turn
+        return float(np.cos(turn / 2.0)) if turn < np.pi else -1.0
+
+    @property
     def names(self) -> tuple[str, ...]:
         """Name of each limit in results, in the same order."""
         turn = () if self.base_turn is None else ("base_turn",)
@@ -190,9 +196,11 @@ class AttitudeLimits:
         """
         bounds = np.array([limit.angle for limit in self.pointing])
         outside = np.array([limit.keep is Keep.OUTSIDE for limit in self.pointing], bool)
+        cosines = np.cos(bounds)
         if self.base_turn is not None:
             bounds, outside = np.append(bounds, self.base_turn / 2.0), np.append(outside, False)
-        cosines = np.cos(bounds) + np.where(outside, -slacks, slacks)
+            cosines = np.append(cosines, self.turn_cosine)
+        cosines = cosines + np.where(outside, -slacks, slacks)
         angles = np.arccos(np.clip(cosines, -1.0, 1.0))
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.asarray(np.where(outside, bounds / angles, angles / bounds))

@@ -156,7 +156,7 @@ class Comparison:
 
     def turns(self, motions: EnsembleResult) -> Array:
         """Largest turns of the spacecraft along motions [rad]."""
-        half = motions.slacks[..., -1] + np.cos((self.evaluator.limits.base_turn or np.pi) / 2.0)
+        half = motions.slacks[..., -1] + self.evaluator.limits.turn_cosine
         return np.asarray(2.0 * np.arccos(np.clip(half, -1.0, 1.0)))
 
     def durations(self, motions: EnsembleResult, key: str) -> Array:
