@@ -10,6 +10,7 @@ from freefloat.ensemble.ensemble import EnsembleIntegrator
 from freefloat.ensemble.without_numba import PreciseIntegrator
 from freefloat.motion.pointing import AttitudeLimits
 from freefloat.motion.problem import Problem
+from freefloat.paths.timing import Stop
 from freefloat.so3 import Array
 from tests.ensembles import headings, states
 from tests.errors import error_key
@@ -44,6 +45,17 @@ def test_a_trajectory_is_that_of_the_reference_engine_at_any_time(name: str) -> 
     assert motion.completed
     assert len(motion.times) != len(exact.times)  # it is the kernels'
     np.testing.assert_allclose(dense(motion), dense(exact), rtol=0.0, atol=1e-9)
+
+
+def test_all_breaks_of_a_time_law_are_nodes():
+    """Also where the kernels' times of breaks are rounded."""
+    problem, attitude, _ = starts("planar_3dof/parabola")
+    for t in np.linspace(11.3, 22.9, 12).tolist():
+        law = ff.Timing(28.617043699785825, "trapezoidal", (Stop(0.6, t),))
+        timed = problem.replace(path=ff.TimedPath(problem.path.path, law))
+        for start in timed.branches(attitude):
+            motion = precise_motion(timed, attitude, start.joints)
+            assert not motion.completed or set(timed.breaks) <= set(motion.times)
 
 
 @pytest.mark.parametrize("branch", [0, 1])

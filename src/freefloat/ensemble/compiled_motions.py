@@ -49,7 +49,9 @@ def _compiled(problem: Problem, attitude: Array, joints: Array) -> Motion | None
     rows = rows[1 : 1 + int(rows[0, 0])]
     rows[:, 0] *= duration
     rows[:, 5 + n :] /= duration
-    legs = np.searchsorted(rows[:, 0], [0.0, *problem.breaks, duration])
+    times = np.array([0.0, *problem.breaks, duration])
+    legs = np.abs(rows[:, :1] - times).argmin(axis=0)
+    rows[legs, 0] = times  # the kernels' times are these up to rounding
     if result.endings[0] != COMPLETED or (np.diff(legs) < 2).any():
         return None
     panels = [rows[:1, : 5 + n]]
