@@ -288,3 +288,10 @@ def test_a_scenario_states_them() -> None:
     np.testing.assert_array_equal(limits.joint_jerk, [2.0, np.inf])
     scenario["limits"] = {"joint_jerk": "urdf"}
     assert error_key(ff.load_scenario(scenario).limits) == "limits.joint_jerk"
+
+
+def test_accelerations_at_an_exactly_singular_end_are_unbounded():
+    limits = ff.Limits(joint_acceleration=1.0, clearance=False)
+    simulation = ff.simulate(bundled("planar_2dof/arc"), heading=np.radians(186.0), limits=limits)
+    (result,) = (r for r in simulation.limit_results if r.limit == "joint_acceleration")
+    assert np.isinf(result.worst)

@@ -131,5 +131,10 @@ def _each(function: Callable[..., Array], *vectors: Array) -> Array:
 
 
 def _solved(matrices: Array, right: Array) -> Array:
-    """Solutions (..., r) of linear equations (..., r, r)."""
-    return np.asarray(np.linalg.solve(matrices, right[..., None])[..., 0])
+    """Solutions (..., r) of linear equations (..., r, r); NaN where a matrix is singular."""
+    try:
+        return np.asarray(np.linalg.solve(matrices, right[..., None])[..., 0])
+    except np.linalg.LinAlgError:
+        if matrices.ndim == 2:
+            return np.full_like(right, np.nan)
+        return np.stack([_solved(*pair) for pair in zip(matrices, right, strict=True)])
