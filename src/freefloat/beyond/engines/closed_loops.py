@@ -40,35 +40,20 @@ _DIVERGING = 1e6
 
 
 class Loops(NamedTuple):
-    """Closed loops that differ in the simulated robot, the measurements and the gain.
+    """Closed loops that differ in the simulated robot, the measurements and the gain."""
 
-    Attributes:
-        factors: On mass and inertia of every body, shape (K, 1 + n).
-        noise: Errors of measurements in every period: of the end-effector's position and rotation,
-            of the attitude and the joints, shape (periods, K, 9 + n).
-        friction: Dry friction in every joint [N m or N], shape (K,).
-        gains: On the error of the pose [1/s], shape (K,).
-    """
-
-    factors: Array
-    noise: Array
-    friction: Array
-    gains: Array
+    factors: Array  # on mass and inertia of every body, (K, 1 + n)
+    noise: Array  # of end-effector position and rotation, attitude, joints, (periods, K, 9 + n)
+    friction: Array  # dry, in every joint [N m or N], (K,)
+    gains: Array  # on the error of the pose [1/s], (K,)
 
 
 class Courses(NamedTuple):
-    """What simulated robots did, at the instants of control and the end.
+    """What simulated robots did, at the instants of control and the end."""
 
-    Attributes:
-        attitudes: Spacecraft attitudes, unit quaternions x, y, z, w, shape (periods + 1, K, 4).
-        joints: Joint values, shape (periods + 1, K, n).
-        errors: Distances of the end-effector from the path [m] and angles from its orientation
-            [rad], shape (periods + 1, K, 2).
-    """
-
-    attitudes: Array
-    joints: Array
-    errors: Array
+    attitudes: Array  # unit quaternions x, y, z, w, (periods + 1, K, 4)
+    joints: Array  # (periods + 1, K, n)
+    errors: Array  # distances from path [m] and orientation [rad], (periods + 1, K, 2)
 
 
 def follow(motion: Motion, times: Array, loops: Loops) -> Courses:

@@ -6,20 +6,14 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.polynomial import chebyshev
 
-from freefloat.beyond.engines.forward import (
-    STIFFNESS,
-    ForwardRun,
-    Reference,
-    base_velocity,
-    displacements,
-    known_span,
-)
 from freefloat.beyond.engines.mujoco_model import MuJoCoModel
 from freefloat.dynamics.momentum import inertia_matrices
-from freefloat.motion.motion import Motion, State
-from freefloat.so3 import Array
+from freefloat.motion.motion import Ending, Motion
+from freefloat.rotations import rotation_matrix
+from freefloat.so3 import Array, angle_between
 from freefloat.verification.check import EngineRuns
 from freefloat.verification.comparisons import Check, error_check, path_tolerances
 
@@ -47,32 +41,48 @@ _DRIFT = 1e-3
 """Allowed deviation of the final attitude of a simulation [rad]."""
 _FINER = 4
 """Factor on the steps of a simulation whose final attitude deviates too much."""
+_STIFFNESS = 0.2
+"""Natural frequency of the servos times the time step."""
+_BEFORE_SINGULAR = 0.9
+"""Fraction of a motion that is used if its end is singular."""
+_FEWEST_STEPS = 4000
+"""Smallest number of steps."""
+_STEPS_PER_RADIAN = 150
+"""Steps per radian or metre of motion."""
+_STEPS_PER_SEGMENT = 40
+"""Steps per smooth segment."""
+_MAX_STEPS = 40_000
+"""Largest number of steps."""
+_SPLINE = 0.3
+"""Knots per step of the splines that the servos follow."""
 
 
 @dataclass(frozen=True)
 class InverseRun:
-    """Inverse dynamics along the recorded motion.
+    """Inverse dynamics along the recorded motion."""
 
-    Attributes:
-        wrench: Largest moment on the base, forces times the reach of the arm [N m].
-        wrench_time: When [s].
-        torque: Largest joint torque [N m or N].
-        momentum: Largest deviation of the angular momentum [N m s].
-        end_effector: Largest distance of the end-effector from its path [m].
-        looks: Number of instants.
-    """
+    wrench: float  # largest moment on the base, forces times the reach of the arm [N m]
+    wrench_time: float  # [s]
+    torque: float  # largest joint torque [N m or N]
+    momentum: float  # largest deviation of the angular momentum [N m s]
+    end_effector: float  # largest distance of the end-effector from its path [m]
+    looks: int  # instants
 
-    wrench: float
-    wrench_time: float
-    torque: float
-    momentum: float
-    end_effector: float
-    looks: int
+
+@dataclass(frozen=True)
+class ForwardRun:
+    """End of an engine's own integration, with joint servos that follow the recorded joints."""
+
+    attitude: float  # angle of the spacecraft from the recorded attitude at the end [rad]
+    joints: float  # largest difference of a joint at the end [rad or m]
+    position: float  # distance of the spacecraft from its recorded position [m]
+    until: float  # time of the end [s]
+    steps: int
 
 
 def inverse_run(motion: Motion, engine: MuJoCoModel) -> InverseRun:
     """Inverse dynamics of the recorded positions, differentiated twice."""
-    first, last = known_span(motion)
+    first, last = _known_span(motion)
     problem, window = motion.problem, _window(motion, first, last)
     reach = problem.reach()
     rows = []
@@ -91,11 +101,24 @@ def inverse_run(motion: Motion, engine: MuJoCoModel) -> InverseRun:
     return InverseRun(wrench, when, torque, momentum, distance, len(rows))
 
 
+def _known_span(motion: Motion) -> tuple[float, float]:
+    """First and last time at which rates are bounded: not near a singular end."""
+    first, last = float(motion.times.min()), float(motion.times.max())
+    fraction = _BEFORE_SINGULAR if motion.ending is Ending.SINGULAR else 1.0
+    return first, first + fraction * (last - first)
+
+
+def _displacements(motion: Motion) -> Array:
+    """Displacement of the spacecraft and the fastest joint between nodes [rad, m]."""
+    rotated = angle_between(motion.attitudes[1:], motion.attitudes[:-1])
+    return np.asarray(rotated + np.abs(np.diff(motion.joints, axis=0)).max(axis=1))
+
+
 def _window(motion: Motion, first: float, last: float) -> float:
     """Half the time over which to differentiate [s], short if the system tumbles."""
     passed = np.abs(np.diff(motion.times))
     known = (motion.times[1:] <= last) & (motion.times[:-1] <= last) & (passed > 0.0)
-    fastest = float((displacements(motion)[known] / passed[known]).max(initial=0.0))
+    fastest = float((_displacements(motion)[known] / passed[known]).max(initial=0.0))
     return min(_WINDOW * (last - first), _WINDOW_ANGLE / max(fastest, 1e-300))
 
 
@@ -149,57 +172,54 @@ def _off_path(motion: Motion, engine: MuJoCoModel, t: float) -> float:
 def forward_run(motion: Motion, engine: MuJoCoModel, *, steps: int | None = None) -> ForwardRun:
     """Simulate a free base with joint servos that follow the recorded joints.
 
-    Attitude and position of the spacecraft are not controlled: their deviations at the end are the
-    result.
-
-    Args:
-        motion: The recorded motion.
-        engine: Robot of the motion in MuJoCo.
-        steps: Number of steps; by default it follows from the length of the motion.
+    The servos are computed-torque controllers on MuJoCo's own mass matrix. Attitude and position of
+    the spacecraft are not controlled: their deviations at the end are the result. The number of
+    steps follows from the length of the motion unless it is given.
     """
-    reference = Reference.of(motion, steps)
-    return ForwardRun.of(motion, final_state(motion, engine, reference), reference.steps)
-
-
-def final_state(motion: Motion, engine: MuJoCoModel, reference: Reference) -> State:
-    """The state at the end of such a simulation.
-
-    The servos are computed-torque controllers on MuJoCo's own mass matrix.
-    """
-    h, data = reference.step, engine.data
+    first, last = _known_span(motion)
+    if steps is None:
+        needed = _STEPS_PER_RADIAN * _displacements(motion).sum()
+        needed = max(needed, _STEPS_PER_SEGMENT * len(motion.problem.breaks))
+        steps = int(np.clip(needed, _FEWEST_STEPS, _MAX_STEPS))
+    nodes = np.linspace(first, last, round(_SPLINE * steps) + 1)
+    _, _, rows = motion.evaluate(motion.coordinates_at(nodes))
+    followed = scipy.interpolate.CubicSpline(nodes, rows)
+    h, data = (last - first) / steps, engine.data
     b, n = engine.base_rates, motion.model.dof
-    stiff, damp = (STIFFNESS / h) ** 2, 2.0 * STIFFNESS / h
-    start(motion, engine, reference.first, reference(reference.first, 1))
+    stiff, damp = (_STIFFNESS / h) ** 2, 2.0 * _STIFFNESS / h
+    start(motion, engine, first, followed(first, 1))
     engine.rest(h)
-    for step in range(reference.steps):
-        t = reference.first + (step + 0.5) * h
+    for step in range(steps):
+        t = first + (step + 0.5) * h
         M, bias = engine.inertia()
         ahead = data.qpos[-n:] + h / 2.0 * data.qvel[b:]
         acceleration = (
-            reference(t, 2)
-            + damp * (reference(t, 1) - data.qvel[b:])
-            + stiff * (reference(t) - ahead)
+            followed(t, 2) + damp * (followed(t, 1) - data.qvel[b:]) + stiff * (followed(t) - ahead)
         )
         base = -np.linalg.solve(M[:b, :b], M[:b, b:] @ acceleration + bias[:b])
         engine.step(M[b:, :b] @ base + M[b:, b:] @ acceleration + bias[b:])
-    drift = reference.last * motion.setting.drift
-    joints = np.array(data.qpos[-n:])
-    return State(reference.last, engine.attitude, joints, engine.base_position - drift)
+    (recorded,) = motion.sample(last)
+    position = engine.base_position - last * motion.setting.drift
+    return ForwardRun(
+        attitude=float(angle_between(engine.attitude, recorded.attitude)),
+        joints=float(np.abs(data.qpos[-n:] - recorded.joints).max()),
+        position=float(np.linalg.norm(position - recorded.base_position)),
+        until=last,
+        steps=steps,
+    )
 
 
 def start(motion: Motion, engine: MuJoCoModel, t: float, rates: Array) -> None:
-    """Set the state of a motion at a time, in the frame of the path, with the engine's momentum.
+    """Set the state of a motion at a time [s], in the frame of the path, with joint rates (n,).
 
-    Args:
-        motion: Motion.
-        engine: MuJoCo's robot.
-        t: Time [s].
-        rates: Joint rates, shape (n,).
+    The robot has the engine's momentum.
     """
-    (state,), data = motion.sample(t), engine.data
+    (state,), data, system = motion.sample(t), engine.data, engine.system
     position = state.base_position + t * motion.setting.drift
     engine.set_positions(position, state.attitude, state.joints)
-    engine.set_rates(data.qvel, base_velocity(engine.system, state, rates), rates)
+    twist = system.base_twist(state.attitude, state.joints, rates)
+    velocity = np.concatenate([rotation_matrix(state.attitude) @ twist[:3], twist[3:]])
+    engine.set_rates(data.qvel, velocity, rates)
     data.qacc[:] = 0.0
 
 
@@ -208,10 +228,8 @@ class MuJoCo:
 
     def repeated(self, motion: Motion) -> EngineRuns:
         """See :class:`~freefloat.verification.check.Engine`."""
-        reference, robot = Reference.of(motion), MuJoCoModel(motion.setting.system)
-        inverse = inverse_run(motion, robot)
-        end = final_state(motion, robot, reference)
-        forward = ForwardRun.of(motion, end, reference.steps)
+        robot = MuJoCoModel(motion.setting.system)
+        inverse, forward = inverse_run(motion, robot), forward_run(motion, robot)
         checks = *_inverse_checks(motion, inverse), _attitude_check(forward, _DRIFT)
         return EngineRuns(inverse, forward, checks)
 
