@@ -19,65 +19,38 @@ from freefloat.so3 import Array, IntArray
 
 
 class States(NamedTuple):
-    """States of K robots.
+    """States of K robots."""
 
-    Attributes:
-        attitudes: Attitudes of the spacecraft, unit quaternions w, x, y, z, shape (K, 4).
-        joints: Joint values, shape (K, n).
-        rates: Joint rates, shape (K, n).
-    """
-
-    attitudes: Array
-    joints: Array
-    rates: Array
+    attitudes: Array  # of the spacecraft, unit quaternions w, x, y, z, (K, 4)
+    joints: Array  # (K, n)
+    rates: Array  # of the joints, (K, n)
 
 
 class Dynamics(NamedTuple):
-    """Dynamics of K robots at an instant, without the motion that momentum prescribes.
+    """Dynamics of K robots at an instant, without the motion that momentum prescribes."""
 
-    Attributes:
-        inertias: S, shape (K, n, n).
-        biases: c, shape (K, n).
-        turns: Angular velocities of the spacecraft per joint rate, its frame, shape (K, 3, n).
-        spins: Angular velocities of the spacecraft with the joints at rest, shape (K, 3).
-    """
-
-    inertias: Array
-    biases: Array
-    turns: Array
-    spins: Array
+    inertias: Array  # S, (K, n, n)
+    biases: Array  # c, (K, n)
+    turns: Array  # angular velocities of the spacecraft per joint rate, its frame, (K, 3, n)
+    spins: Array  # angular velocities of the spacecraft with the joints at rest, (K, 3)
 
 
 class Servos(NamedTuple):
-    """What servos know in a period.
+    """What servos know in a period."""
 
-    Attributes:
-        references: Joint values to follow at its start, shape (K, n).
-        rates: Joint rates to follow, shape (K, n).
-        inertias: H, shape (K, n, n).
-        stiffness: Acceleration per error of a joint value [1/s²].
-        damping: Acceleration per error of a joint rate [1/s].
-    """
-
-    references: Array
-    rates: Array
-    inertias: Array
-    stiffness: float
-    damping: float
+    references: Array  # joint values to follow at its start, (K, n)
+    rates: Array  # joint rates to follow, (K, n)
+    inertias: Array  # H, (K, n, n)
+    stiffness: float  # acceleration per error of a joint value [1/s²]
+    damping: float  # acceleration per error of a joint rate [1/s]
 
 
 class Friction(NamedTuple):
-    """MuJoCo's law of dry friction: -inertia (q'' + decay q'), at most a limit.
+    """MuJoCo's law of dry friction: -inertia (q'' + decay q'), at most a limit."""
 
-    Attributes:
-        limits: Limits of friction, shape (K,).
-        inertias: Inertias of every joint, shape (K, n).
-        decay: Rate at which a joint comes to rest whose friction is below the limit [1/s].
-    """
-
-    limits: Array
-    inertias: Array
-    decay: float
+    limits: Array  # (K,)
+    inertias: Array  # of every joint, (K, n)
+    decay: float  # rate at which a joint comes to rest whose friction is below the limit [1/s]
 
 
 @compiled

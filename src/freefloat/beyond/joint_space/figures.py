@@ -42,17 +42,11 @@ _CAPTION_LENGTH = 110
 
 @dataclass(frozen=True, eq=False)
 class JointSection:
-    """The joint space with all joints but a few at constant values.
-
-    Attributes:
-        found: Map of the joint space.
-        joints: Indices of the joints that vary.
-        at: Values of all joints [rad or m], of which the values of other joints count, shape (n,).
-    """
+    """The joint space with all joints but a few at constant values."""
 
     found: SingularityMap
-    joints: tuple[int, ...]
-    at: Array = field(repr=False)
+    joints: tuple[int, ...]  # indices of the joints that vary
+    at: Array = field(repr=False)  # of all joints, of which the others count [rad or m], (n,)
 
     @cached_property
     def polynomial(self) -> JointPolynomial:

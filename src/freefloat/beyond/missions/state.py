@@ -30,24 +30,17 @@ _STILL = np.zeros(3)
 class SystemState:
     """The system at the end of a phase.
 
-    Arms that moved along joint curves during the first path rest where these end.
-
-    Attributes:
-        problem: Problem of the first path, with the robot, momentum and scene that there are now;
-            the scene is the one at the beginning of the manoeuvre's first path, in its frame.
-        time: Time from the beginning of the first path [s].
-        attitude: Attitude of the spacecraft, unit quaternion x, y, z, w.
-        joints: Joint values [rad or m], shape (n,).
-        joint_rates: Joint rates [rad/s or m/s], shape (n,).
-        centre: Centre of mass in the frame of the manoeuvre [m], shape (3,).
+    Arms that moved along joint curves during the first path rest where these end. The problem is
+    the first path's, with the robot and the momentum that there are now; its scene is the
+    one at the beginning of this path, in its frame.
     """
 
     problem: Problem = field(repr=False)
-    time: float
-    attitude: Array
-    joints: Array
-    joint_rates: Array
-    centre: Array
+    time: float  # from the beginning of the first path [s]
+    attitude: Array  # of the spacecraft, unit quaternion x, y, z, w
+    joints: Array  # [rad or m], (n,)
+    joint_rates: Array  # [rad/s or m/s], (n,)
+    centre: Array  # of mass in the frame of the manoeuvre [m], (3,)
 
     def __post_init__(self) -> None:
         for name in ("attitude", "joints", "joint_rates", "centre"):
@@ -127,22 +120,13 @@ def _resting(problem: Problem, t: float) -> Problem:
 
 @dataclass(frozen=True, eq=False)
 class ExpectedState:
-    """What is known of the state between two phases.
+    """What is known of the state between two phases."""
 
-    Attributes:
-        problem: Problem of the first path; after a capture without momentum, which is not known
-            then.
-        bodies: Bodies of the scene that are free, at time zero.
-        time: Time from the beginning of the first path [s].
-        pose: Pose of the end-effector in the frame of the manoeuvre; None where it is not known.
-        twist: Twist in that frame [m/s; rad/s], shape (6,); None where it is not known.
-    """
-
-    problem: Problem = field(repr=False)
-    bodies: tuple[SceneBody, ...]
-    time: float
-    pose: Pose | None
-    twist: Array | None
+    problem: Problem = field(repr=False)  # after a capture without momentum, which is not known
+    bodies: tuple[SceneBody, ...]  # of the scene, free ones, at time zero
+    time: float  # from the beginning of the first path [s]
+    pose: Pose | None  # of the end-effector, frame of the manoeuvre; None where it is not known
+    twist: Array | None  # in that frame [m/s; rad/s], (6,); None where it is not known
 
     @classmethod
     def after_first(cls, problem: Problem) -> ExpectedState:

@@ -128,51 +128,29 @@ def page_text(error: FreeFloatError) -> str:
 
 @dataclass(frozen=True)
 class WorkerState:
-    """What the worker is to show.
+    """What the worker is to show."""
 
-    Attributes:
-        text: The scenario.
-        source: File of the scenario, to which its paths are relative.
-        attitude: Chosen initial attitude x, y, z, w; None for the best one.
-        choice: Number of the choice of the attitude.
-        dragging: Whether an edit is under way: motions wait until it is done.
-        reading: Number of the scenarios shown, other than by edits; the outline of each is wanted.
-    """
-
-    text: str
-    source: Path
-    attitude: tuple[float, ...] | None = None
-    choice: int = 0
-    dragging: bool = False
-    reading: int = 0
+    text: str  # the scenario
+    source: Path  # file of the scenario, to which its paths are relative
+    attitude: tuple[float, ...] | None = None  # the initial one, x, y, z, w; None for the best
+    choice: int = 0  # number of the choice of the attitude
+    dragging: bool = False  # whether an edit is under way: motions wait until it is done
+    reading: int = 0  # number of scenarios shown other than by edits, whose outlines are wanted
 
 
 @dataclass(frozen=True)
 class WorkerTask:
-    """One thing that the worker is to do.
+    """One thing that the worker is to do."""
 
-    Attributes:
-        kind: ``save`` the plan, or build the ``page`` of the motion.
-        file: The file to save to; if it exists, another one with a number.
-    """
-
-    kind: Literal["save", "page"]
-    file: Path | None = None
+    kind: Literal["save", "page"]  # ``save`` the plan, or build the ``page`` of the motion
+    file: Path | None = None  # the file to save to; if it exists, another one with a number
 
 
 @dataclass(frozen=True)
 class WorkerAnswer:
-    """Part of the worker's answer to a state, or to a task.
+    """Part of the worker's answer to a state, or to a task."""
 
-    Attributes:
-        kind: ``outline``, ``attitudes``, ``motion``, ``limits``, ``problem``, ``saved``, ``page``
-            or ``idle``.
-        content: What browsers are sent, JSON.
-        reasons: Sentences on each sample of ``attitudes``, which the server keeps.
-        reading: Reading of the newest state.
-    """
-
-    kind: str
-    content: Mapping[str, Any] = field(default_factory=dict)
-    reasons: tuple[str, ...] = ()
-    reading: int = 0
+    kind: str  # outline, attitudes, motion, limits, problem, saved, page or idle
+    content: Mapping[str, Any] = field(default_factory=dict)  # what browsers are sent, JSON
+    reasons: tuple[str, ...] = ()  # on each sample of attitudes, which the server keeps
+    reading: int = 0  # reading of the newest state

@@ -234,21 +234,13 @@ def _attitude(message: Choose, normal: Sequence[float]) -> tuple[float, ...] | N
 
 @dataclass(frozen=True, eq=False)
 class Document:
-    """A scenario with edits.
+    """A scenario with edits."""
 
-    Attributes:
-        name: What it was opened as.
-        source: File of the scenario.
-        text: Text of the scenario, with the comments of the file while it is not edited.
-        content: The data of the text, without keys whose value is null.
-        ends: Ends of the sliders.
-    """
-
-    name: str
-    source: Path
-    text: str = field(repr=False)
-    content: dict[str, Any] = field(repr=False)
-    ends: dict[str, list[float]] = field(repr=False)
+    name: str  # what it was opened as
+    source: Path  # file of the scenario
+    text: str = field(repr=False)  # with the comments of the file while it is not edited
+    content: dict[str, Any] = field(repr=False)  # data of the text, without null
+    ends: dict[str, list[float]] = field(repr=False)  # ends of the sliders
 
     @classmethod
     def opened(cls, name: str) -> Document:

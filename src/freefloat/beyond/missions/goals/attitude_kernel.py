@@ -92,26 +92,15 @@ def _propagate(buffers: AttitudeBuffers, g: int, F: Array, J: Array) -> None:
 
 
 class JointSamples(NamedTuple):
-    """A joint path at the 2 N Gauss points, with K rows of n coefficients of its basis.
+    """A joint path at the 2 N Gauss points, with K rows of n coefficients of its basis."""
 
-    Attributes:
-        by_duration: Derivatives of joint values and their derivatives by s, by the duration, shape
-            (2, 2 N, n).
-        basis: Derivatives of both by the coefficients, shape (2, 2 N, K).
-        omega: Angular velocity of the spacecraft by s without momentum, shape (2 N, 3).
-        turns: Derivatives of omega by the rates, ``-D^-1 Dq``, shape (2 N, 3, n).
-        inverses: D^-1, shape (2 N, 3, 3).
-        omega_slopes: Derivatives of omega by the joints, shape (2 N, n, 3).
-        inverse_slopes: Derivatives of D^-1, shape (2 N, n, 3, 3).
-    """
-
-    by_duration: Array
-    basis: Array
-    omega: Array
-    turns: Array
-    inverses: Array
-    omega_slopes: Array
-    inverse_slopes: Array
+    by_duration: Array  # derivatives of joints and of their slopes by s, (2, 2 N, n)
+    basis: Array  # derivatives of both by the coefficients, (2, 2 N, K)
+    omega: Array  # angular velocity of the spacecraft by s without momentum, (2 N, 3)
+    turns: Array  # derivatives of omega by the rates, ``-D^-1 Dq``, (2 N, 3, n)
+    inverses: Array  # D^-1, (2 N, 3, 3)
+    omega_slopes: Array  # derivatives of omega by the joints, (2 N, n, 3)
+    inverse_slopes: Array  # derivatives of D^-1, (2 N, n, 3, 3)
 
     @classmethod
     def of(
@@ -145,19 +134,12 @@ class JointSamples(NamedTuple):
 
 
 class _Gauss(NamedTuple):
-    """What is computed anew at every Gauss point.
+    """What is computed anew at every Gauss point."""
 
-    Attributes:
-        by_joint: Derivatives of the angular velocity by the joints, shape (3, n).
-        by_turn: Derivatives of the angular velocity by a rotation of the spacecraft, shape (3, 3).
-        h: Angular momentum of spacecraft and arm in the spacecraft frame, shape (3,).
-        spin: Angular velocity by time due to it, shape (3,).
-    """
-
-    by_joint: Array
-    by_turn: Array
-    h: Array
-    spin: Array
+    by_joint: Array  # derivatives of the angular velocity by the joints, (3, n)
+    by_turn: Array  # derivatives of the angular velocity by a rotation of the spacecraft, (3, 3)
+    h: Array  # angular momentum of spacecraft and arm in the spacecraft frame, (3,)
+    spin: Array  # angular velocity by time due to it, (3,)
 
 
 @compiled

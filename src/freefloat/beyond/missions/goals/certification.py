@@ -37,36 +37,22 @@ _CLOSE_BY_TIME, _SPARE_BY_TIME = 0.98, 1.005
 
 @dataclass(frozen=True, eq=False)
 class CertifiedMotion:
-    """A precise motion that ends at the goal.
+    """A precise motion that ends at the goal."""
 
-    Attributes:
-        unknowns: Unknowns of its path.
-        motion: The motion.
-        results: Limits along it; empty where one is violated.
-        violation: The first limit that is violated; None where all are kept.
-    """
-
-    unknowns: Array
+    unknowns: Array  # of its path
     motion: Motion
-    results: tuple[LimitResult, ...]
-    violation: LimitResult | None
+    results: tuple[LimitResult, ...]  # limits along it; empty where one is violated
+    violation: LimitResult | None  # the first limit that is violated; None where all are kept
 
 
 @dataclass(frozen=True, eq=False)
 class Certification:
-    """What precise motions are checked with.
+    """What precise motions are checked with."""
 
-    Attributes:
-        setting: Robot, momentum, scene and drift.
-        checker: Checker of the limits.
-        attitude: Attitude of the spacecraft at the start, unit quaternion x, y, z, w.
-        by_time: Whether the motion is another one at another duration.
-    """
-
-    setting: JointSetting
+    setting: JointSetting  # robot, momentum, scene and drift
     checker: LimitChecker
-    attitude: Array
-    by_time: bool
+    attitude: Array  # of the spacecraft at the start, unit quaternion x, y, z, w
+    by_time: bool  # whether the motion is another one at another duration
 
     def certified(self, relaxation: Relaxation, unknowns: Array) -> CertifiedMotion | None:
         """The motion along a path, or along one nearby that keeps what this one violates.

@@ -36,16 +36,10 @@ _ENDS = 3
 
 
 class ScenePlaces(NamedTuple):
-    """Where a robot is at K instants.
+    """Where a robot is at K instants."""
 
-    Attributes:
-        times: The instants [s], shape (K,).
-        attitudes: Attitudes of the spacecraft, shape (K, 3, 3).
-        bodies: The robot's bodies.
-    """
-
-    times: Array
-    attitudes: Array
+    times: Array  # [s], (K,)
+    attitudes: Array  # of the spacecraft, (K, 3, 3)
     bodies: Placements
 
     def taken(self, rows: IntArray) -> ScenePlaces:
@@ -54,15 +48,10 @@ class ScenePlaces(NamedTuple):
 
 
 class Placed(NamedTuple):
-    """The S bodies of a scene at K instants.
+    """The S bodies of a scene at K instants."""
 
-    Attributes:
-        rotations: Shape (K, S, 3, 3).
-        positions: [m], shape (K, S, 3).
-    """
-
-    rotations: Array
-    positions: Array
+    rotations: Array  # (K, S, 3, 3)
+    positions: Array  # [m], (K, S, 3)
 
 
 class SceneFrames:
@@ -111,18 +100,11 @@ class SceneFrames:
 
 
 class _Seen(NamedTuple):
-    """Distances of pairs, and where the second shapes were when these were looked at.
+    """Distances of pairs, and where the second shapes were when these were looked at."""
 
-    Attributes:
-        distances: [m], shape (...).
-        centres: Centres of spheres around the second shapes, frames of the first bodies [m], shape
-            (..., 3).
-        turned: Rotations of their bodies, same frames, shape (..., 3, 3).
-    """
-
-    distances: Array
-    centres: Array
-    turned: Array
+    distances: Array  # [m], (...)
+    centres: Array  # of spheres around the second shapes, frames of the first bodies [m], (..., 3)
+    turned: Array  # rotations of their bodies, same frames, (..., 3, 3)
 
     @classmethod
     def never(cls, *shape: int) -> _Seen:

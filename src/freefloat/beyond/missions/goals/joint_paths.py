@@ -7,7 +7,7 @@ is free, a row is the end itself.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
@@ -28,42 +28,24 @@ INTERVALS, COARSE_INTERVALS = 8, 4
 
 
 class Ends(NamedTuple):
-    """The joints of a path where it begins and ends.
+    """The joints of a path where it begins and ends."""
 
-    Attributes:
-        start: Joint values at the start, shape (n,).
-        start_rates: Joint rates there [rad/s or m/s], shape (n,).
-        end: Joint values at the end, shape (n,); None where they are free.
-        end_rates: Joint rates there, shape (n,); None where they are free.
-    """
-
-    start: Array
-    start_rates: Array
-    end: Array | None
-    end_rates: Array | None
+    start: Array  # (n,)
+    start_rates: Array  # [rad/s or m/s], (n,)
+    end: Array | None  # (n,); None where they are free
+    end_rates: Array | None  # (n,); None where they are free
 
 
 class JointCourse(NamedTuple):
-    """A joint path with the attitudes along it.
+    """A joint path with the attitudes along it."""
 
-    Attributes:
-        unknowns: Unknowns of the path, shape (K n + 1,).
-        joints: Joint values at the ends of the intervals, shape (N + 1, n).
-        rates: Derivatives of the joints by s at the Gauss points, shape (2 N, n).
-        attitudes: Attitudes at the ends of the intervals, shape (N + 1, 3, 3).
-        turns: Derivatives of the attitudes, rotation vectors in the spacecraft frame, shape
-            (N + 1, 3, K n + 1).
-        omega: Angular velocity of the spacecraft by s at the Gauss points, shape (2 N, 3).
-        slopes: Derivatives of omega, shape (2 N, 3, K n + 1).
-    """
-
-    unknowns: Array
-    joints: Array
-    rates: Array
-    attitudes: Array
-    turns: Array
-    omega: Array
-    slopes: Array
+    unknowns: Array  # (K n + 1,)
+    joints: Array  # at the ends of the intervals, (N + 1, n)
+    rates: Array  # derivatives of the joints by s at the Gauss points, (2 N, n)
+    attitudes: Array  # at the ends of the intervals, (N + 1, 3, 3)
+    turns: Array  # their derivatives, rotation vectors, spacecraft frame, (N + 1, 3, K n + 1)
+    omega: Array  # angular velocity of the spacecraft by s at the Gauss points, (2 N, 3)
+    slopes: Array  # derivatives of omega, (2 N, 3, K n + 1)
 
     @property
     def duration(self) -> float:
@@ -73,19 +55,12 @@ class JointCourse(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class JointPaths:
-    """A family of joint paths.
-
-    Attributes:
-        ends: Joints at both ends.
-        spans: Spans of a loop, or of the whole path.
-        loops: Number of equal deviations from the straight way.
-        fineness: Intervals of the quadrature in a span.
-    """
+    """A family of joint paths."""
 
     ends: Ends
-    spans: int = 8
-    loops: int = 1
-    fineness: int = field(default=INTERVALS)
+    spans: int = 8  # of a loop, or of the whole path
+    loops: int = 1  # number of equal deviations from the straight way
+    fineness: int = INTERVALS  # intervals of the quadrature in a span
 
     @property
     def size(self) -> int:

@@ -36,20 +36,12 @@ from freefloat.so3 import Array, BoolArray, IntArray
 
 
 class Configurations(NamedTuple):
-    """A robot in K configurations, spacecraft frame from its origin.
+    """A robot in K configurations, spacecraft frame from its origin."""
 
-    Attributes:
-        frames: The x and z axes and the origin of each joint's link frame [m], and P, see
-            :mod:`.kinematics`, shape (K, n, 4, 3).
-        centres: Centres of mass of the system [m], shape (K, 3).
-        inverses: D^-1, shape (K, 3, 3).
-        turns: Angular velocities of the spacecraft per joint rate, ``-D^-1 Dq``, (K, 3, n).
-    """
-
-    frames: Array
-    centres: Array
-    inverses: Array
-    turns: Array
+    frames: Array  # x and z axes and origin of link frames [m], P of the kinematics, (K, n, 4, 3)
+    centres: Array  # centres of mass of the system [m], (K, 3)
+    inverses: Array  # D^-1, (K, 3, 3)
+    turns: Array  # angular velocities of the spacecraft per joint rate, ``-D^-1 Dq``, (K, 3, n)
 
     @classmethod
     def of(cls, robot: Robot, joints: Array, *, placed: bool = True) -> Configurations:
@@ -104,21 +96,13 @@ def _store(
 
 @dataclass(frozen=True, eq=False)
 class PlacedArm:
-    """A robot in many configurations.
+    """A robot in many configurations."""
 
-    Attributes:
-        robot: Arrays of the robot for the kernels.
-        prismatic: Which joints are prismatic, shape (n,).
-        mass: Mass of the system [kg].
-        rotations: Rotations of the bodies' frames in their link frames, shape (n, 3, 3).
-        origins: Origins of the bodies' frames in their link frames [m], shape (n, 3).
-    """
-
-    robot: Robot
-    prismatic: BoolArray
-    mass: float
-    rotations: Array
-    origins: Array
+    robot: Robot  # for the kernels
+    prismatic: BoolArray  # (n,)
+    mass: float  # of the system [kg]
+    rotations: Array  # rotations of the bodies' frames in their link frames, (n, 3, 3)
+    origins: Array  # origins of the bodies' frames in their link frames [m], (n, 3)
 
     @classmethod
     def of(cls, model: FreeFloatingModel) -> PlacedArm:
@@ -132,21 +116,13 @@ class PlacedArm:
 
 
 class Placements(NamedTuple):
-    """The bodies in K configurations, in the spacecraft frame from its origin.
+    """The bodies in K configurations, in the spacecraft frame from its origin."""
 
-    Attributes:
-        rotations: Rotations of the bodies' frames, shape (K, 1 + n, 3, 3).
-        origins: Origins of the bodies' frames [m], shape (K, 1 + n, 3).
-        axes: Axes of the joints, shape (K, n, 3).
-        centres: Centres of mass of the system, on a table below or above them [m], shape (K, 3).
-        centre_rates: Derivatives of the centres by the joints, shape (K, 3, n).
-    """
-
-    rotations: Array
-    origins: Array
-    axes: Array
-    centres: Array
-    centre_rates: Array
+    rotations: Array  # rotations of the bodies' frames, (K, 1 + n, 3, 3)
+    origins: Array  # origins of the bodies' frames [m], (K, 1 + n, 3)
+    axes: Array  # of the joints, (K, n, 3)
+    centres: Array  # centres of mass of the system, on a table below or above them [m], (K, 3)
+    centre_rates: Array  # derivatives of the centres by the joints, (K, 3, n)
 
     @classmethod
     def of(cls, arm: PlacedArm, joints: Array) -> Placements:

@@ -28,13 +28,9 @@ class SolverBudget:
     """Work of a search, counted in instants of paths at which they are looked at.
 
     Where a search ends follows from its seed, not from the speed of the machine.
-
-    Attributes:
-        most: Most instants.
-        done: Instants so far.
     """
 
-    most: int = _MOST
+    most: int = _MOST  # instants
     done: int = field(default=0, init=False)
 
     def take(self, instants: int) -> None:
@@ -53,45 +49,26 @@ class SolverBudget:
 
 
 class Step(NamedTuple):
-    """A step of the unknowns.
+    """A step of the unknowns."""
 
-    Attributes:
-        change: The step, shape (unknowns,).
-        gain: Decrease of the value that it promises.
-        multiplier: Largest multiplier of the end's residuals.
-        back: Changes of the unknowns by which residuals of the end decrease by one, shape
-            (unknowns, size).
-    """
-
-    change: Array
-    gain: float
-    multiplier: float
-    back: Array
+    change: Array  # (unknowns,)
+    gain: float  # decrease of the value that it promises
+    multiplier: float  # largest multiplier of the end's residuals
+    back: Array  # changes by which residuals of the end decrease by one, (unknowns, size)
 
 
 @dataclass(frozen=True, eq=False)
 class Quadratic:
-    """The problem at a path, linearized.
-
-    Attributes:
-        course: The path.
-        smooth: What is minimized, without penalties of violations.
-        gradient: Gradient of ``smooth``, shape (unknowns,).
-        matrix: Second derivatives of ``smooth``, shape (unknowns, unknowns).
-        hinges: How far limits are violated, negative where they are kept, weighted, shape (M,).
-        slopes: Derivatives of the hinges, shape (M, unknowns).
-        error: Residuals of the end, shape (size,).
-        jacobian: Derivatives of the residuals, shape (size, unknowns).
-    """
+    """The problem at a path, linearized."""
 
     course: JointCourse
-    smooth: float
-    gradient: Array
-    matrix: Array
-    hinges: Array
-    slopes: Array
-    error: Array
-    jacobian: Array
+    smooth: float  # what is minimized, without penalties of violations
+    gradient: Array  # of ``smooth``, (unknowns,)
+    matrix: Array  # second derivatives of ``smooth``, (unknowns, unknowns)
+    hinges: Array  # how far limits are violated, negative where they are kept, weighted, (M,)
+    slopes: Array  # derivatives of the hinges, (M, unknowns)
+    error: Array  # residuals of the end, (size,)
+    jacobian: Array  # derivatives of the residuals, (size, unknowns)
 
     @cached_property
     def penalty(self) -> float:

@@ -48,36 +48,22 @@ _LEFT = 0.01
 
 
 class GoalStart(NamedTuple):
-    """The state at which a motion begins.
+    """The state at which a motion begins."""
 
-    Attributes:
-        attitude: Attitude of the spacecraft, unit quaternion x, y, z, w.
-        joints: Joint values [rad or m], shape (n,).
-        joint_rates: Joint rates [rad/s or m/s], shape (n,).
-    """
-
-    attitude: Array
-    joints: Array
-    joint_rates: Array
+    attitude: Array  # of the spacecraft, unit quaternion x, y, z, w
+    joints: Array  # [rad or m], (n,)
+    joint_rates: Array  # [rad/s or m/s], (n,)
 
 
 @dataclass(frozen=True, eq=False)
 class Query:
-    """A motion to a goal that is asked for.
+    """A motion to a goal that is asked for."""
 
-    Attributes:
-        setting: Robot, momentum, scene and limits, from the centre of mass at the start.
-        start: The state at the start, whose joints may move.
-        goal: What is to be reached.
-        goal_words: What the goal is called in reasons.
-        first_duration: Duration with which the search begins where the goal has none [s].
-    """
-
-    setting: JointSetting
-    start: GoalStart
+    setting: JointSetting  # robot, momentum, scene and limits, from the centre of mass at the start
+    start: GoalStart  # whose joints may move
     goal: Goal
-    goal_words: str = "the goal"
-    first_duration: float = FIRST_DURATION
+    goal_words: str = "the goal"  # what the goal is called in reasons
+    first_duration: float = FIRST_DURATION  # of the search where the goal has no duration [s]
 
     @cached_property
     def target(self) -> Target:

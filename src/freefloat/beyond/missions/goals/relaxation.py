@@ -43,52 +43,29 @@ _GUARDED_FRACTION = 0.5
 
 
 class TermWeights(NamedTuple):
-    """Weights of what is minimized.
+    """Weights of what is minimized."""
 
-    Attributes:
-        effort: Weight of the mean square of joint rates over their limits.
-        violations: Weight of the squared violations of limits.
-    """
-
-    effort: float
-    violations: float
+    effort: float  # of the mean square of joint rates over their limits
+    violations: float  # of the squared violations of limits
 
 
 @dataclass(frozen=True, eq=False)
 class Relaxation:
-    """A family of paths, what they must reach, and what they must keep.
-
-    Attributes:
-        arm: The robot.
-        paths: The family.
-        target: What the paths reach.
-        attitude: Attitude of the spacecraft at the start, shape (3, 3).
-        momenta: Momenta of the system and of wheels [N m s], shape (2, 3).
-        joint_rate: Limits of joint rates, of joints without limit assumed ones [rad/s or m/s],
-            shape (n,).
-        joint_acceleration: Accelerations that their limits permit, and roughly limits of torques
-            [rad/s² or m/s²], shape (n,).
-        base_rate: Limit of the spacecraft's rate [rad/s]; infinite without limit.
-        ranges: Ranges of the joints, shape (2, n).
-        shapes: Limits that do not depend on rates.
-        free_duration: Whether the duration is an unknown.
-        reference: Duration unless it is an unknown, else a guess [s].
-        effort: Work of the search; iterations end where it is spent.
-    """
+    """A family of paths, what they must reach, and what they must keep."""
 
     arm: PlacedArm
     paths: JointPaths
     target: Target
-    attitude: Array
-    momenta: Array
-    joint_rate: Array
-    joint_acceleration: Array
-    base_rate: float
-    ranges: Array
-    shapes: Sequence[ShapeLimits]
-    free_duration: bool
-    reference: float
-    effort: SolverBudget
+    attitude: Array  # of the spacecraft at the start, (3, 3)
+    momenta: Array  # of the system and of wheels [N m s], (2, 3)
+    joint_rate: Array  # limits, assumed ones of joints without limit [rad/s or m/s], (n,)
+    joint_acceleration: Array  # that its limits and, roughly, torques permit [rad/s² or m/s²], (n,)
+    base_rate: float  # limit of the spacecraft's rate [rad/s]; infinite without limit
+    ranges: Array  # of the joints, (2, n)
+    shapes: Sequence[ShapeLimits]  # limits that do not depend on rates
+    free_duration: bool  # whether the duration is an unknown
+    reference: float  # duration unless it is an unknown, else a guess [s]
+    effort: SolverBudget  # work of the search; iterations end where it is spent
 
     @cached_property
     def coarse(self) -> Relaxation:
@@ -226,18 +203,12 @@ class JointValues(NamedTuple):
     """Joint rates or accelerations over their limits at G places of a course.
 
     Each depends on the unknowns of its joint alone, and on the duration.
-
-    Attributes:
-        values: Shape (G, n).
-        basis: Derivatives of the joints' derivatives by s by the rows of unknowns, shape (G, K).
-        scales: Derivatives of the values by the joints' derivatives by s, shape (n,).
-        by_duration: Derivatives by the duration, shape (G, n).
     """
 
-    values: Array
-    basis: Array
-    scales: Array
-    by_duration: Array
+    values: Array  # (G, n)
+    basis: Array  # derivatives of the joints' derivatives by s by the rows of unknowns, (G, K)
+    scales: Array  # derivatives of the values by the joints' derivatives by s, (n,)
+    by_duration: Array  # derivatives by the duration, (G, n)
 
     @classmethod
     def along(cls, paths: JointPaths, unknowns: Array, limits: Array, order: int) -> JointValues:

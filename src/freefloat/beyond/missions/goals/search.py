@@ -45,21 +45,14 @@ REACHED = 1e-4
 
 @dataclass(frozen=True, eq=False)
 class GoalSearch:
-    """Families of paths to a goal, and what certifies them.
+    """Families of paths to a goal, and what certifies them."""
 
-    Attributes:
-        families: Families in the order in which they are tried.
-        certification: Certification of paths that are found.
-        progress: Called with the fraction done.
-        failures: Motions to the goal that violate a limit.
-        rejected: Paths to the goal that violate too much to be certified, with their families.
-    """
-
-    families: Sequence[Relaxation]
+    families: Sequence[Relaxation]  # in the order in which they are tried
     certification: Certification
-    progress: Progress
-    failures: list[CertifiedMotion] = field(default_factory=list)
+    progress: Progress  # called with the fraction done
+    failures: list[CertifiedMotion] = field(default_factory=list)  # that violate a limit
     rejected: list[tuple[Quadratic, Relaxation]] = field(default_factory=list)
+    """Paths to the goal that violate too much to be certified, with their families."""
 
     def nearest(self) -> CertifiedMotion | None:
         """Of the motions that violate a limit, the motion that does so least; None without any."""

@@ -32,37 +32,22 @@ _LATER = 1e-4
 
 @dataclass(frozen=True, eq=False)
 class EndState:
-    """The last state of a path.
+    """The last state of a path."""
 
-    Attributes:
-        time: Time [s].
-        attitude: Attitude of the spacecraft, shape (3, 3).
-        joints: Joint values [rad or m], shape (n,).
-        joint_rates: Joint rates [rad/s or m/s], shape (n,).
-    """
-
-    time: float
-    attitude: Array
-    joints: Array
-    joint_rates: Array
+    time: float  # [s]
+    attitude: Array  # of the spacecraft, (3, 3)
+    joints: Array  # [rad or m], (n,)
+    joint_rates: Array  # [rad/s or m/s], (n,)
 
 
 @dataclass(frozen=True, eq=False)
 class Target:
-    """Attitude of the spacecraft and pose of the end-effector where a path ends.
+    """Attitude of the spacecraft and pose of the end-effector where a path ends."""
 
-    Attributes:
-        setting: Robot, momentum and drift.
-        attitude: Attitude of the spacecraft, shape (3, 3); None where it is free.
-        pose: Pose of the end-effector in the frame of the motion, or of the body; None where it is
-            free.
-        body: A body of the scene whose frame the pose is in: the end-effector moves with it.
-    """
-
-    setting: Setting
-    attitude: Array | None = None
-    pose: Pose | None = None
-    body: SceneBody | None = None
+    setting: Setting  # robot, momentum and drift
+    attitude: Array | None = None  # of the spacecraft, (3, 3); None where it is free
+    pose: Pose | None = None  # of the end-effector, in the frame of motion or body; None if free
+    body: SceneBody | None = None  # of the scene, with which the end-effector moves
 
     @property
     def task(self) -> Task | None:

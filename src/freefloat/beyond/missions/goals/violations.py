@@ -34,21 +34,13 @@ _WIDENED = PointingLimits.name, CorridorLimit.name, BaseTurnLimit.name
 
 
 class GoalViolations(NamedTuple):
-    """Violations at M places of a course.
+    """Violations at M places of a course."""
 
-    Attributes:
-        edges: Ends of intervals at which they occur, shape (M,).
-        amounts: How large they are, over what counts as one, shape (M,).
-        by_joints: Derivatives by the joints, shape (M, n).
-        by_turn: Derivatives by turns of the spacecraft, its axes, shape (M, 3).
-        by_duration: Derivatives by the duration, shape (M,).
-    """
-
-    edges: IntArray
-    amounts: Array
-    by_joints: Array
-    by_turn: Array
-    by_duration: Array
+    edges: IntArray  # ends of intervals at which they occur, (M,)
+    amounts: Array  # how large they are, over what counts as one, (M,)
+    by_joints: Array  # derivatives by the joints, (M, n)
+    by_turn: Array  # derivatives by turns of the spacecraft, its axes, (M, 3)
+    by_duration: Array  # derivatives by the duration, (M,)
 
     def jacobian(self, paths: JointPaths, course: JointCourse) -> Array:
         """Derivatives by the unknowns, shape (M, unknowns)."""
@@ -74,18 +66,11 @@ class ShapeLimits(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class StateLimits:
-    """Cones of pointing axes, the corridor, and the spacecraft's turn.
+    """Cones of pointing axes, the corridor, and the spacecraft's turn; their margins grow."""
 
-    Attributes:
-        setting: Robot, scene and drift.
-        limits: The limits.
-        attitude: Attitude of the spacecraft at the start, unit quaternion x, y, z, w.
-        margins: Margins of the limits with some names, which grow.
-    """
-
-    setting: Setting
+    setting: Setting  # robot, scene and drift
     limits: Limits
-    attitude: Array
+    attitude: Array  # of the spacecraft at the start, unit quaternion x, y, z, w
     margins: dict[str, float] = field(default_factory=lambda: dict.fromkeys(_WIDENED, _MARGIN))
 
     def widen(self, violation: LimitResult) -> bool:
