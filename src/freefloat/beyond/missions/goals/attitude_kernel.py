@@ -25,20 +25,24 @@ _STEP = 2e-5
 """Step of the joint values for differences [rad, m]."""
 
 
-class AttitudeBuffers(NamedTuple):
-    """Arrays that the kernel writes.
+class JointCourse(NamedTuple):
+    """A joint path with the attitudes along it, which the kernel writes.
 
-    Attributes:
-        attitudes: Attitudes at the ends of N intervals, the first one given, shape (N + 1, 3, 3).
-        turns: Variations of these as rotation vectors, spacecraft frame, (N + 1, 3, unknowns).
-        omega: Angular velocity by s at the Gauss points, shape (2 N, 3).
-        slopes: Derivatives of omega, shape (2 N, 3, unknowns).
+    It begins with an attitude that is given; derivatives are by the unknowns.
     """
 
-    attitudes: Array
-    turns: Array
-    omega: Array
-    slopes: Array
+    unknowns: Array  # (K n + 1,)
+    joints: Array  # at the ends of the intervals, (N + 1, n)
+    rates: Array  # derivatives of the joints by s at the Gauss points, (2 N, n)
+    attitudes: Array  # at the ends of the intervals, (N + 1, 3, 3)
+    turns: Array  # their derivatives, rotation vectors, spacecraft frame, (N + 1, 3, K n + 1)
+    omega: Array  # angular velocity of the spacecraft by s at the Gauss points, (2 N, 3)
+    slopes: Array  # derivatives of omega, (2 N, 3, K n + 1)
+
+    @property
+    def duration(self) -> float:
+        """[s]."""
+        return float(self.unknowns[-1])
 
 
 @inner
@@ -73,9 +77,9 @@ def _exponential(v: Array, F: Array, J: Array) -> None:
 
 
 @inner
-def _propagate(buffers: AttitudeBuffers, g: int, F: Array, J: Array) -> None:
+def _propagate(course: JointCourse, g: int, F: Array, J: Array) -> None:
     """Write the variations at the end of the interval whose second Gauss point has the number g."""
-    turns, omega, slopes = buffers.turns, buffers.omega, buffers.slopes
+    turns, omega, slopes = course.turns, course.omega, course.slopes
     number, step = g // 2, 2.0 / len(omega)
     u, w, c = omega[g - 1], omega[g], GAUSS / 2.0 * step * step
     first, second, before, after = slopes[g - 1], slopes[g], turns[number], turns[number + 1]
@@ -104,18 +108,13 @@ class JointSamples(NamedTuple):
 
     @classmethod
     def of(
-        cls,
-        arm: PlacedArm,
-        joints: Array,
-        rates: Array,
-        by_duration: Array,
-        basis: Array,
-        order: int,
+        cls, arm: PlacedArm, values: Array, by_duration: Array, basis: Array, order: int
     ) -> JointSamples:
-        """Samples of joint values (2 N, n) and their derivatives by s; of order 0 without slopes.
+        """Samples of joint values and their derivatives by s (2, 2 N, n).
 
-        Other arguments are attributes.
+        They have no slopes if the order is 0; other arguments are fields.
         """
+        joints, rates = values
         points, n = joints.shape
         steps = np.zeros((1, n))
         if order:
@@ -144,21 +143,15 @@ class _Gauss(NamedTuple):
 
 @compiled
 def march(
-    samples: JointSamples, momenta: Array, duration: float, buffers: AttitudeBuffers, order: int
+    samples: JointSamples, momenta: Array, duration: float, course: JointCourse, order: int
 ) -> None:
-    """Write attitudes and rates of the spacecraft along a joint path.
+    """Write attitudes and rates of the spacecraft along a joint path, of order 1 their variations.
 
-    The unknowns of the derivatives are the coefficients of the path, then the duration.
-
-    Args:
-        samples: The path.
-        momenta: Momenta of the system, inertial axes, and of the wheels [N m s], shape (2, 3).
-        duration: Duration of the path [s].
-        buffers: What is written.
-        order: 1 for the variations too.
+    The unknowns of the derivatives are the coefficients of the path, then the duration [s]. Momenta
+    (2, 3) are the momentum of the system, inertial axes, and the wheels' [N m s].
     """
     points, _, n = samples.turns.shape
-    attitudes, omega, step = buffers.attitudes, buffers.omega, 2.0 / points
+    attitudes, omega, step = course.attitudes, course.omega, 2.0 / points
     loaded = False
     for i in range(3):
         loaded = loaded or momenta[0, i] != 0.0 or momenta[1, i] != 0.0
@@ -169,14 +162,14 @@ def march(
         for i in range(3):
             omega[g, i] = samples.omega[g, i]
         if loaded:
-            _add_spin(at, g, samples, momenta, duration, buffers)
+            _add_spin(at, g, samples, momenta, duration, course)
         if order:
             for i in range(3):
                 for j in range(n):
                     slopes = samples.inverse_slopes[g, j, i]
                     turned = slopes[0] * at.h[0] + slopes[1] * at.h[1] + slopes[2] * at.h[2]
                     at.by_joint[i, j] = samples.omega_slopes[g, j, i] + duration * turned
-            _write_slopes(at, g, loaded, samples, buffers)
+            _write_slopes(at, g, loaded, samples, course)
         if g % 2 == 0:
             continue
         u, w = omega[g - 1], omega[g]
@@ -186,20 +179,15 @@ def march(
         _exponential(vector, F, J)
         _multiply(attitudes[g // 2], F, attitudes[g // 2 + 1])
         if order:
-            _propagate(buffers, g, F, J)
+            _propagate(course, g, F, J)
 
 
 @inner
 def _add_spin(
-    at: _Gauss,
-    g: int,
-    samples: JointSamples,
-    momenta: Array,
-    duration: float,
-    buffers: AttitudeBuffers,
+    at: _Gauss, g: int, samples: JointSamples, momenta: Array, duration: float, course: JointCourse
 ) -> None:
     """Add the angular velocity due to the momentum at Gauss point g; write its derivatives."""
-    before, omega, h = buffers.attitudes[g // 2], buffers.omega, at.h
+    before, omega, h = course.attitudes[g // 2], course.omega, at.h
     inverse = samples.inverses[g]
     F, J, R, guess = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
     along = (0.5 - GAUSS if g % 2 == 0 else 0.5 + GAUSS) * 2.0 / len(omega)
@@ -227,12 +215,12 @@ def _add_spin(
 
 @inner
 def _write_slopes(
-    at: _Gauss, g: int, loaded: bool, samples: JointSamples, buffers: AttitudeBuffers
+    at: _Gauss, g: int, loaded: bool, samples: JointSamples, course: JointCourse
 ) -> None:
     """Write the derivatives of the angular velocity at Gauss point g by the unknowns."""
     by_duration, basis, A = samples.by_duration, samples.basis, samples.turns[g]
     n, K = A.shape[1], basis.shape[2]
-    slopes, turns = buffers.slopes, buffers.turns
+    slopes, turns = course.slopes, course.turns
     for i in range(3):
         for k in range(K):
             b0, b1 = basis[0, g, k], basis[1, g, k]

@@ -13,12 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from freefloat.beyond.missions.goals.attitude_kernel import (
-    GAUSS,
-    AttitudeBuffers,
-    JointSamples,
-    march,
-)
+from freefloat.beyond.missions.goals.attitude_kernel import GAUSS, JointCourse, JointSamples, march
 from freefloat.beyond.missions.goals.placements import PlacedArm
 from freefloat.motion.joint_curves import DEGREE, JointSpline, spline_basis
 from freefloat.so3 import Array
@@ -34,23 +29,6 @@ class Ends(NamedTuple):
     start_rates: Array  # [rad/s or m/s], (n,)
     end: Array | None  # (n,); None where they are free
     end_rates: Array | None  # (n,); None where they are free
-
-
-class JointCourse(NamedTuple):
-    """A joint path with the attitudes along it."""
-
-    unknowns: Array  # (K n + 1,)
-    joints: Array  # at the ends of the intervals, (N + 1, n)
-    rates: Array  # derivatives of the joints by s at the Gauss points, (2 N, n)
-    attitudes: Array  # at the ends of the intervals, (N + 1, 3, 3)
-    turns: Array  # their derivatives, rotation vectors, spacecraft frame, (N + 1, 3, K n + 1)
-    omega: Array  # angular velocity of the spacecraft by s at the Gauss points, (2 N, 3)
-    slopes: Array  # derivatives of omega, (2 N, 3, K n + 1)
-
-    @property
-    def duration(self) -> float:
-        """[s]."""
-        return float(self.unknowns[-1])
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,24 +164,20 @@ class JointPaths:
     def course(
         self, arm: PlacedArm, unknowns: Array, attitude: Array, momenta: Array, order: int = 1
     ) -> JointCourse:
-        """Attitudes along a path.
+        """A path of a robot from an attitude (3, 3), with derivatives if the order is 1.
 
-        Args:
-            arm: The robot.
-            unknowns: Unknowns of the path.
-            attitude: Attitude of the spacecraft at the start, shape (3, 3).
-            momenta: Momenta of the system, inertial axes, and of wheels [N m s], shape (2, 3).
-            order: 1 for derivatives, whose arrays are empty otherwise.
+        Momenta (2, 3) are those of :func:`march`.
         """
         points = self.control_points(unknowns)
-        q, rates = self.gauss @ points
-        N, width = len(q) // 2, self.size if order else 0
+        values = self.gauss @ points
+        N, width = values.shape[1] // 2, self.size if order else 0
         attitudes = np.empty((N + 1, 3, 3))
         attitudes[0] = attitude
         turns, slopes = np.zeros((N + 1, 3, width)), np.empty((2 * N, 3, width))
-        buffers = AttitudeBuffers(attitudes, turns, np.empty((2 * N, 3)), slopes)
+        course = JointCourse(
+            unknowns, self.edges @ points, values[1], attitudes, turns, np.empty((2 * N, 3)), slopes
+        )
         by_duration = self.gauss @ self.fixed[1]
-        samples = JointSamples.of(arm, q, rates, by_duration, self.basis, order)
-        march(samples, momenta, float(unknowns[-1]), buffers, order)
-        joints = self.edges @ points
-        return JointCourse(unknowns, joints, rates, attitudes, turns, buffers.omega, slopes)
+        samples = JointSamples.of(arm, values, by_duration, self.basis, order)
+        march(samples, momenta, course.duration, course, order)
+        return course
