@@ -79,12 +79,9 @@ _GROUPS = ("actuator", "tendon", "equality", "sensor")
 
 
 def not_read(model: Any, bodies: Collection[int], documents: Iterable[Path]) -> Iterator[NotRead]:
-    """What the URDF of some bodies of a model leaves out, each once.
+    """What the URDF of some bodies of a compiled model, given by number, leaves out, each once.
 
-    Args:
-        model: The compiled model.
-        bodies: Numbers of the bodies in the URDF.
-        documents: The file, then the files that it includes.
+    The documents are the file, then the files that it includes.
     """
     main, *included = map(_parsed, documents)
     lines = {} if main is None else _lines(main)
@@ -164,12 +161,8 @@ def _properties(
 ) -> Iterator[NotRead]:
     """Properties of an object that differ from the properties of a plain one and are not used.
 
-    Args:
-        model: The model.
-        plain: The plain model.
-        place: Prefix of the arrays, the object's number in the model, and the plain one's number.
-        element: The element in what is listed.
-        line: Line of the element.
+    The place is the prefix of the arrays, the object's number in the model, and the plain one's.
+    What is listed has the element and the line.
     """
     prefix, number, reference = place
     used = _USED[prefix].split()

@@ -204,8 +204,7 @@ def moves_in_plane(model: Any, root: int) -> bool:
 def moving_joints(model: Any, body: int, source: str) -> list[int]:
     """Numbers of the joints that move a body in its parent, one after the other.
 
-    Raises:
-        ModelError: If one is no hinge or slide.
+    Raises a ModelError if one is no hinge or slide.
     """
     joints = list(joints_of(model, body))
     if not set(model.jnt_type[joints].tolist()) <= {SLIDE, HINGE}:

@@ -62,10 +62,9 @@ def ros2_text(trajectory: Trajectory) -> str:
 
 
 def ros2_goal_text(trajectory: Trajectory) -> str:
-    """YAML text of a goal of the action ``control_msgs/action/FollowJointTrajectory``.
+    """YAML text of a goal of ``control_msgs/action/FollowJointTrajectory``.
 
-    Raises:
-        InputError: As of :func:`ros2_text`.
+    Raises an InputError as :func:`ros2_text`.
     """
     message = _joint_trajectory(trajectory, "ros2-goal")
 

@@ -205,13 +205,7 @@ def _document(path: Path) -> xml.dom.minidom.Document:
 
 
 def confine(xacro: Any, functions: Mapping[str, Callable[..., Any]]) -> None:
-    """Replace functions of the library.
-
-    Args:
-        xacro: The module.
-        functions: What takes the place of ``safe_eval``, ``parse``, ``load_yaml`` and the
-            substitutions, by name.
-    """
+    """Replace functions of the library by others of the same names."""
     from xacro import substitution_args
 
     for name in _MODULE:

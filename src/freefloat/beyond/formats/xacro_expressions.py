@@ -35,11 +35,7 @@ class ExpressionError(Exception):
 
 
 def evaluate(expression: str, symbols: dict[str, Any]) -> Any:
-    """The value of an expression.
-
-    Args:
-        expression: Text of the expression.
-        symbols: Values of names.
+    """The value of an expression, with the values of names.
 
     Raises:
         ExpressionError: If it is more than an expression of numbers, text, lists and functions.

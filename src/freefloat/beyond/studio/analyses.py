@@ -44,18 +44,10 @@ _WHILE_DRAGGING = 2
 
 
 class PathAnalysis(Analysis):
-    """Answers about a scenario with a path.
-
-    Attributes:
-        level: Number of maps that were made.
-    """
+    """Answers about a scenario with a path; ``level`` is the number of its maps that were made."""
 
     def __init__(self, state: WorkerState, scenario: Scenario, robots: RobotCache) -> None:
-        """Pose the problem of a scenario.
-
-        Raises:
-            InputError: If it is invalid.
-        """
+        """Pose the problem of a scenario; raises an InputError if it is invalid."""
         scenario, problem, self._largest = robots.problem(scenario)
         super().__init__(state, scenario)
         self.level, self._unchecked = 0, False
@@ -90,8 +82,7 @@ class PathAnalysis(Analysis):
     def next_map(self, progress: Progress) -> WorkerAnswer:
         """The next, finer map; with the last one of a planar task the exact ranges.
 
-        Args:
-            progress: Called during the computation; may raise an exception to abandon it.
+        The progress may raise an exception to abandon the map.
         """
         samples, last = self.levels[self.level], self.level + 1 == len(self.levels)
         if self._problem.has_headings:
@@ -109,14 +100,10 @@ class PathAnalysis(Analysis):
         return WorkerAnswer("attitudes", {**content, "remark": remark, "finest": last}, reasons)
 
     def motion(self, state: WorkerState, progress: Progress) -> WorkerAnswer:
-        """The motion from the attitude of a state.
+        """The motion from the attitude of a state; the progress may raise an exception.
 
         Without an attitude it is the motion of the largest margin in the map that keeps the limits;
         where none was found, the motion that gets farthest.
-
-        Args:
-            state: The state.
-            progress: Called during the computation; may raise an exception to abandon it.
         """
         samples, best = self._map, None
         chosen = np.array(state.attitude or (0.0, 0.0, 0.0, 1.0))
@@ -160,11 +147,7 @@ class GoalAnalysis(Analysis):
     """Answers about a scenario with a goal."""
 
     def __init__(self, state: WorkerState, scenario: Scenario, robots: RobotCache) -> None:
-        """Pose the goal of a scenario.
-
-        Raises:
-            InputError: If it is invalid.
-        """
+        """Pose the goal of a scenario; raises an InputError if it is invalid."""
         super().__init__(state, robots.with_model(scenario))
         self._posed = named(SECTIONS["goal"].posed)(self._scenario)
         self._setting: JointSetting = self._posed.setting
@@ -217,12 +200,7 @@ class GoalAnalysis(Analysis):
 
 
 def _goal_outline(scenario: Scenario, posed: Any) -> dict[str, Any]:
-    """The outline of a scenario with a goal.
-
-    Args:
-        scenario: The scenario.
-        posed: What it asks for: ``goal``, ``present`` state and ``setting``.
-    """
+    """The outline of a scenario with a goal, from what the section asks for."""
     setting = posed.setting
     return {
         "is_goal": True,
@@ -258,11 +236,7 @@ def _handle(scenario: Scenario, posed: Any) -> dict[str, Any]:
 
 
 def analysis_of(state: WorkerState, robots: RobotCache) -> Analysis:
-    """The analysis of the scenario of a state.
-
-    Raises:
-        InputError: If the scenario is invalid.
-    """
+    """The analysis of the scenario of a state; raises an InputError if it is invalid."""
     scenario = parse_scenario(state.text, state.source)
     kind = PathAnalysis if scenario.content.goal is None else GoalAnalysis
     return kind(state, scenario, robots)

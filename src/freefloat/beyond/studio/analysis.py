@@ -30,11 +30,7 @@ class Analysis(ABC):
     """Answers about one scenario."""
 
     def __init__(self, state: WorkerState, scenario: Scenario) -> None:
-        """Keep the scenario of a state, with its robot.
-
-        Raises:
-            InputError: If its search or its limits are invalid.
-        """
+        """Keep the scenario of a state; raises an InputError if its search or limits are wrong."""
         self._scenario, self._text, self._source = scenario, state.text, state.source
         self._search, self._limits = scenario.search(), scenario.limits()
         self._motion_shown: Motion | None = None
@@ -53,9 +49,8 @@ class Analysis(ABC):
     def urgent(self, state: WorkerState, progress: Progress) -> WorkerAnswer | None:
         """The next answer that a state lacks and that comes before what the user asks for.
 
-        Args:
-            state: The state; while it is dragged there are only coarse answers.
-            progress: Called during the computation; may raise an exception to abandon it.
+        While the state is dragged there are only coarse answers. The progress may raise an
+        exception to abandon a computation.
         """
 
     @abstractmethod

@@ -180,14 +180,8 @@ def motion_within_limits(
 ) -> SimulatedBranch | None:
     """The motion of the largest margin, of motions from samples, that keeps the limits.
 
-    Args:
-        evaluator: Evaluator of the problem.
-        samples: A map of it.
-        limits: The limits.
-        progress: Called between candidates; may raise an exception to abandon the search.
-
-    Returns:
-        None where none was found.
+    None where none was found. The progress, called between candidates, may raise an exception to
+    abandon the search.
     """
     trials = Trials(evaluator, limits)
     results = samples.results

@@ -78,14 +78,8 @@ def redirect_page(address: str, folder: Path) -> Iterator[Path]:
     """A page that leads to an address; it is deleted after a minute, or at the end of the context.
 
     All users of a machine can read the arguments of its processes, and an address that a browser
-    opens is one. So the browser opens the page; its owner alone can read it.
-
-    Args:
-        address: The address, with nothing that HTML would escape.
-        folder: Where the page is written, with mode 0600.
-
-    Yields:
-        The file, an absolute path.
+    opens is one. So the browser opens the page; its owner alone can read it. The address must have
+    nothing that HTML would escape; the page's path is absolute.
     """
     handle, name = tempfile.mkstemp(".html", "freefloat-studio-", folder.resolve())
     page = Path(name)

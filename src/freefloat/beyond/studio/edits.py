@@ -27,13 +27,10 @@ _DIGITS = 6
 
 
 def edited(content: Content, edit: Edit, outline: Mapping[str, Any] | None) -> dict[str, Any]:
-    """The content after an edit.
+    """The content of a scenario file after an edit.
 
-    Args:
-        content: Content of a scenario file.
-        edit: The edit.
-        outline: What the worker answered about this scenario: handles, frame of the path. None
-            while there is no answer.
+    The outline is what the worker answered about the scenario, with handles and the frame of the
+    path; None while there is no answer.
 
     Raises:
         InputError: If the path has no such handle, or there is no outline yet.

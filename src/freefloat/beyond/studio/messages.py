@@ -105,11 +105,7 @@ _MESSAGE: TypeAdapter[Any] = TypeAdapter(Message)
 
 
 def parse_message(text: str | bytes) -> Edit | Open | Choose | Explain | EditStep:
-    """The message in a JSON text.
-
-    Raises:
-        InputError: If it is no such message.
-    """
+    """The message in a JSON text; raises an InputError if it is none."""
     try:
         return _MESSAGE.validate_json(text)  # type: ignore[no-any-return]
     except ValidationError as error:

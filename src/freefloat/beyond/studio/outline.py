@@ -27,13 +27,7 @@ _FEW = range(2, 25)
 
 
 def outline(scenario: Scenario, problem: Problem, largest: float) -> dict[str, Any]:
-    """The outline of a scenario.
-
-    Args:
-        scenario: The scenario.
-        problem: The problem that it poses.
-        largest: Largest magnitude of the measure over the joint space.
-    """
+    """The outline of a scenario, with the largest magnitude of the measure over the joint space."""
     content, margin = scenario.content, problem.margin
     sections = {"": content.path, **content.robot.own_paths}
     frames = {arm: scenario.frame(part, arm, problem.scene) for arm, part in sections.items()}

@@ -44,20 +44,13 @@ Send = Callable[[dict[str, Any]], None]
 class Session:
     """What all browsers look at; they send messages and receive what changed.
 
-    Attributes:
-        newest: The newest message of each type, for a browser that connects.
+    ``newest`` has the newest message of each type, for a browser that connects.
     """
 
     def __init__(self, scenario: str, folder: Path, broadcast: Send) -> None:
-        """Open a scenario; needs a running event loop.
+        """Open a file or a bundled scenario, with the folder of plans; needs a running event loop.
 
-        Args:
-            scenario: A file or a bundled name.
-            folder: Where plans are saved.
-            broadcast: Sends a message to all browsers.
-
-        Raises:
-            InputError: If it is no scenario.
+        The broadcast sends a message to all browsers. Raises an InputError if it is no scenario.
         """
         self._folder, self._broadcast = folder, broadcast
         self._history, self._place = [Document.opened(scenario)], 0
@@ -149,8 +142,7 @@ class Session:
     def _changed(self, read: bool = False) -> None:
         """Send the state to the worker and to the browsers.
 
-        Args:
-            read: Whether another scenario is shown, whose outline is not known.
+        ``read`` is whether another scenario is shown, whose outline is not known.
         """
         if read:
             self._gesture, self._dragging, self._outline = "", False, None
@@ -244,11 +236,7 @@ class Document:
 
     @classmethod
     def opened(cls, name: str) -> Document:
-        """Open a file or a bundled scenario.
-
-        Raises:
-            InputError: If it is no scenario.
-        """
+        """Open a file or a bundled scenario; raises an InputError if it is none."""
         scenario = load_scenario(name)
         text, source = scenario.text, scenario.source
         content = _without_null(parse_yaml(text, source))

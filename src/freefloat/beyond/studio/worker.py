@@ -71,11 +71,7 @@ class _Worker:
         event.register("numba:compile", Listener())  # type: ignore[no-untyped-call]  # of Numba
 
     def receive(self, wait: bool) -> None:
-        """Take the messages that have arrived; of several states only the newest counts.
-
-        Args:
-            wait: Whether to wait for the first one.
-        """
+        """Take the messages that have arrived, or wait for one; only the newest state counts."""
         while self._connection.poll(None if wait else 0.0):
             wait = False
             message = self._connection.recv()
@@ -138,16 +134,14 @@ class _Worker:
 class WorkerProcess:
     """Sends states and tasks to a worker process and passes on its answers.
 
-    Attributes:
-        busy: Whether an answer is under way.
+    ``busy`` is whether an answer is under way.
     """
 
     def __init__(self, answered: Callable[[WorkerAnswer], None], lost: Callable[[], None]) -> None:
         """Start a process; needs a running event loop.
 
-        Args:
-            answered: Called in the event loop with every answer.
-            lost: Called in the event loop when the process died and was replaced.
+        In this loop it calls ``answered`` with every answer, and ``lost`` when the process died and
+        was replaced.
         """
         self._answered, self._lost = answered, lost
         self._loop = asyncio.get_running_loop()
