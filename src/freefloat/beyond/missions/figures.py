@@ -142,8 +142,7 @@ def goal_scene(result: GoalMotion, title: str) -> PageScene:
 def manoeuvre_scene(manoeuvre: Manoeuvre, title: str) -> PageScene:
     """The scene of the motions of a manoeuvre, in the frame of its first path.
 
-    Raises:
-        InputError: If no phase has a motion.
+    Raises an InputError if no phase has a motion.
     """
     motions: dict[str, Motion] = {}
     places: list[Place] = []

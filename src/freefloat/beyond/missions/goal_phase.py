@@ -87,18 +87,12 @@ class GoalPhase(Phase):
 class PosedGoal:
     """The motion to a goal that a scenario asks for.
 
-    Attributes:
-        goal: The goal.
-        present: Attitude of the spacecraft, unit quaternion x, y, z, w, and joints (n,) at the
-            start.
+    ``present`` are the attitude of the spacecraft, unit quaternion x, y, z, w, and the joints (n,)
+    at the start.
     """
 
     def __init__(self, scenario: Scenario) -> None:
-        """Read a scenario with a goal.
-
-        Raises:
-            InputError: If a value is invalid, or the present state is missing.
-        """
+        """Read a scenario; raises an InputError if it is invalid or has no present state."""
         self.goal: Goal = cast(Goal, scenario.goal())
         self._scenario, self._search = scenario, scenario.search()
         with scenario.error_context():
@@ -106,11 +100,7 @@ class PosedGoal:
 
     @cached_property
     def setting(self) -> JointSetting:
-        """Robot, momentum and scene.
-
-        Raises:
-            InputError: If the goal does not suit them.
-        """
+        """Robot, momentum and scene; raises an InputError if the goal does not suit them."""
         system, scene = self._scenario.system(), self._scenario.scene()
         with self._scenario.error_context():
             setting = goal_setting(system, self.present[0], self.goal, scene)
@@ -127,9 +117,9 @@ class PosedGoal:
 
     def sketch(self) -> Motion | None:
         """See :func:`~freefloat.beyond.missions.goals.mover.sketch`."""
-        from freefloat.beyond.missions.goals.mover import sketch  # compiled kernels
+        from freefloat.beyond.missions.goals.mover import posed, sketch  # compiled kernels
 
-        return sketch(*self._arguments(), seed=self._search.seed)
+        return sketch(posed(*self._arguments()), self._search.seed)
 
     def _arguments(self) -> tuple[Any, ...]:
         scenario = self._scenario

@@ -95,10 +95,7 @@ def checked_phases(
 ) -> tuple[Phase, ...]:
     """The phases with distinct names, which can follow one another as far as is known beforehand.
 
-    Args:
-        problem: Problem of the first path.
-        phases: The phases.
-        keys: Keys of the phases, for errors; by default ``phases.0`` and so on.
+    Keys of the phases in errors are by default ``phases.0`` and so on.
 
     Raises:
         InputError: If one is no phase, or cannot follow the path and the phases before.
@@ -225,10 +222,9 @@ def phase_reason(phase: PhaseResult) -> str:
 
 
 def with_resting_arms(motions: Sequence[Motion | None]) -> list[Motion | None]:
-    """The motions of phases, all with the joints of the arms that move along any of them.
+    """The motions of the phases of a manoeuvre, None of phases without motion.
 
-    Args:
-        motions: Motions of one manoeuvre; None of phases without motion.
+    All have the joints of the arms that move along any of them.
     """
     settings = [motion.setting for motion in motions if motion is not None]
     robot = next((setting.model for setting in settings if setting.robot_varies), None)

@@ -60,8 +60,7 @@ def _stated(goal: Goal) -> dict[str, Any]:
 def decode_goal(tree: Tree, scenario: Scenario) -> GoalMotion:
     """The motion of a file to the goal of its scenario.
 
-    Raises:
-        ValueError: If the scenario has another goal, or another state at the start.
+    Raises a ValueError if the scenario has another goal, or another state at the start.
     """
     setting = JointSetting.of(scenario.system(), scenario.scene(), scenario.limits())
     result = tolerances.CODEC.decode(GoalMotion, tree, {JointSetting: setting})
@@ -79,9 +78,10 @@ def decode_goal(tree: Tree, scenario: Scenario) -> GoalMotion:
 
 def _require_same(name: str, asked: Any, found: Any) -> None:
     """Raise a ValueError if what a scenario asks for is not what its result is about."""
-    if asked.keys() != found.keys() if isinstance(asked, dict) else len(asked) != len(found):
-        raise ValueError(f"its {name} is not that of its scenario")
-    if next(tolerances.differences(asked, found), None) is not None:
+    same_shape = (
+        asked.keys() == found.keys() if isinstance(asked, dict) else len(asked) == len(found)
+    )
+    if not same_shape or next(tolerances.differences(asked, found), None) is not None:
         raise ValueError(f"its {name} is not that of its scenario")
 
 
@@ -103,11 +103,7 @@ def manoeuvre_scenario(manoeuvre: Manoeuvre) -> Scenario:
 
 
 def decode_manoeuvre(tree: Tree, scenario: Scenario) -> Manoeuvre:
-    """The manoeuvre of a scenario.
-
-    Raises:
-        ValueError: If the scenario asks for other phases.
-    """
+    """The manoeuvre of a scenario; raises a ValueError if the scenario asks for other phases."""
     entries: dict[str, Tree] = tree["phases"]
     trees = [entries[str(number)] for number in range(len(entries))]
     first = [entry["result"]["class"] for entry in trees].index(Plan.__name__)

@@ -54,12 +54,7 @@ _AT_PRESENT = 1e-6
 
 
 def goal_report(result: GoalMotion, engine: str) -> tuple[CheckReport, Known]:
-    """All checks of a motion to a goal, and what is recomputed.
-
-    Args:
-        result: The record, computed or loaded from a file.
-        engine: As for :func:`~freefloat.verification.check.check`.
-    """
+    """All checks of a motion to a goal, computed or loaded from a file, and what is recomputed."""
     motion, law = result.motion, result.law
     known = dict[str, Any](goal=Origin.GIVEN, seed=Origin.GIVEN)
     if motion is None or law is None:
@@ -126,12 +121,7 @@ def _same_motion(again: Motion, motion: Motion) -> Check:
 
 
 def manoeuvre_report(manoeuvre: Manoeuvre, engine: str) -> tuple[CheckReport, Known]:
-    """All checks of a manoeuvre, and what is recomputed.
-
-    Args:
-        manoeuvre: The record, computed or loaded from a file.
-        engine: As for :func:`~freefloat.verification.check.check`.
-    """
+    """All checks of a manoeuvre, computed or loaded from a file, and what is recomputed."""
     checks, phases, path = list[Check](), list[Known](), Known(Plan, {})
     limits = list[LimitResult]()
     for stated, again in _recomputed(manoeuvre):

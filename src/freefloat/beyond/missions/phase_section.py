@@ -153,13 +153,9 @@ class PhaseSection(Section):
     def to_phase(
         self, problem: Problem, folder: Path, samples: Mapping[str, str], seed: int
     ) -> Phase:
-        """The phase.
+        """The phase in a scenario with a problem, and with the seed of searches for goals.
 
-        Args:
-            problem: Problem of the scenario.
-            folder: Folder of the files that it names.
-            samples: Texts of the CSV files among them, by name.
-            seed: Seed of the search for a motion to a goal.
+        Its files are below the folder; samples are texts of the CSV files among them, by name.
 
         Raises:
             InputError: If a value is invalid; keys are below the key of its kind.
@@ -210,8 +206,7 @@ class PhaseSection(Section):
 def phases_content(phases: Sequence[Phase]) -> tuple[list[dict[str, Any]], dict[str, str]]:
     """Contents of the sections that describe phases, and texts of CSV files by name.
 
-    Raises:
-        InputError: If scenario files cannot describe one.
+    Raises an InputError if scenario files cannot describe one.
     """
     from freefloat.beyond.missions.goals.goal import Goal
     from freefloat.beyond.missions.path_phase import PathPhase

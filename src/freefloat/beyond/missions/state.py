@@ -82,12 +82,7 @@ class SystemState:
         )  # fmt: skip
 
     def problem_for(self, path: TimedPath, **changes: Any) -> Problem:
-        """The problem of a motion that begins now, from the present centre of mass.
-
-        Args:
-            path: Path in the frame of the motion, whose origin is the present centre of mass.
-            **changes: Other attributes of the problem.
-        """
+        """The problem of a motion along a path that begins now, from the present centre of mass."""
         return self.problem.replace(path=path, scene=self.scene, limits=self._limits, **changes)
 
     @property
@@ -132,8 +127,7 @@ class ExpectedState:
     def after_first(cls, problem: Problem) -> ExpectedState:
         """The state at the end of the first path, whose problem is given.
 
-        Raises:
-            InputError: If further arms follow paths.
+        Raises an InputError if further arms follow paths.
         """
         problem = problem.at_rest(problem.path.duration)
         problem.model.require_supported("phases")
@@ -149,13 +143,9 @@ class ExpectedState:
     def body(self, name: str, key: str, others: Sequence[str] = ()) -> SceneBody:
         """The free body with a name, at time zero.
 
-        Args:
-            name: Name of the body.
-            key: Key of the name, for errors.
-            others: What else the key accepts.
-
         Raises:
-            InputError: If it is not in the scene, or moves with the end-effector.
+            InputError: If it is not in the scene, or moves with the end-effector; it has the key of
+                the name, and what else this key accepts.
         """
         free = {body.name: body for body in self.bodies if body.motion != "target"}
         if name in free:
@@ -169,8 +159,7 @@ class ExpectedState:
     def after(self, duration: float, pose: Pose | None, twist: Array | None) -> ExpectedState:
         """The state after a duration [s], at which the end-effector has a pose and a twist.
 
-        Raises:
-            InputError: If system or bodies would rotate too often.
+        Raises an InputError if system or bodies would rotate too often.
         """
         time = self.time + duration
         Scene(self.bodies).require_applicable(self.problem.model, time)

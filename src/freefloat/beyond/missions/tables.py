@@ -24,10 +24,7 @@ if TYPE_CHECKING:
 def manoeuvre_tables(name: str, manoeuvre: Manoeuvre, verbose: bool) -> Iterator[RenderableType]:
     """The phases in a table, and each limit in the phase that comes nearest to it.
 
-    Args:
-        name: Name of the scenario.
-        manoeuvre: The manoeuvre.
-        verbose: Whether states and limits of each phase follow instead.
+    ``verbose``, states and limits of each phase follow instead.
     """
     yield Text(f"{name}: {manoeuvre.reason}", "green" if manoeuvre.feasible else "red")
     rows = table(

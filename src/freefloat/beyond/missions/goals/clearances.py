@@ -57,8 +57,7 @@ class Placed(NamedTuple):
 class SceneFrames:
     """The bodies of the scene of a setting.
 
-    Attributes:
-        free: Which of them do not move with the end-effector, shape (S,).
+    ``free`` says which of them do not move with the end-effector, shape (S,).
     """
 
     def __init__(self, setting: Setting) -> None:
@@ -126,13 +125,7 @@ class Clearances:
     """Distances of the pairs of a robot and its scene along joint paths."""
 
     def __init__(self, setting: Setting, pairs: CollisionPairs, clearance: float) -> None:
-        """Prepare the pairs; the margins grow by :meth:`widen`.
-
-        Args:
-            setting: Robot, scene and drift.
-            pairs: The pairs that keep the clearance.
-            clearance: The clearance [m].
-        """
+        """Prepare the pairs that keep a clearance [m]; the margins grow by :meth:`widen`."""
         self._setting, self._pairs, self._clearance = setting, pairs, clearance
         self._arm, self._bodies = PlacedArm.of(setting.model), pairs.bodies
         centres, radii = pairs.spheres

@@ -79,37 +79,29 @@ def move(
         >>> result.feasible, round(result.duration, 1)
         (True, 5.5)
     """
-    query = _posed(system, state, goal, limits, scene)
+    query = posed(system, state, goal, limits, scene)
     return move_from(query, seed=seed, progress=progress)
 
 
-def sketch(
-    system: System,
-    state: tuple[npt.ArrayLike, npt.ArrayLike],
-    goal: Goal,
-    limits: Limits,
-    scene: Scene,
-    *,
-    seed: int = 0,
-) -> Motion | None:
+def sketch(query: Query, seed: int) -> Motion | None:
     """A motion to a goal that is found at once: clearance, pointing and turn are left out.
 
-    Args and errors are as for :func:`move`; None where no motion was found.
+    None where no motion was found; raises as :func:`move`.
     """
-    rates = replace(limits.without_turn, clearance=OFF, pointing=())
-    query = _posed(system, state, goal, rates, scene)
+    rates = replace(query.limits.without_turn, clearance=OFF, pointing=())
+    query = replace(query, setting=query.setting.replace(limits=rates))
     query.require_sense()
     return _search(query, None).sketch(seed)
 
 
-def _posed(
+def posed(
     system: System,
     state: tuple[npt.ArrayLike, npt.ArrayLike],
     goal: Goal,
-    limits: Limits | None,
-    scene: Scene | None,
+    limits: Limits | None = None,
+    scene: Scene | None = None,
 ) -> Query:
-    """What is asked for, from a state at rest."""
+    """What is asked for, from a state at rest; arguments and errors are as for :func:`move`."""
     require_type("system", system, System, "a System, such as System(model)")
     require_type("goal", goal, Goal, "a Goal, such as Goal(joints=joints)")
     limits, scene = Limits() if limits is None else limits, Scene() if scene is None else scene
@@ -128,11 +120,6 @@ def _posed(
 
 def move_from(query: Query, *, seed: int = 0, progress: Progress | None = None) -> GoalMotion:
     """Find a motion of the joints to a goal, from a state at which they may move.
-
-    Args:
-        query: What is asked for.
-        seed: Seed of the random paths.
-        progress: Called with the fraction done, in [0, 1].
 
     Raises:
         InputError: If robot, state and limits do not suit the goal.
@@ -181,19 +168,10 @@ def arrive(
 
     When it begins is known only once it is found, and with it where the bodies of the scene are
     then. So it is found backward in time, from time zero: momentum, wheels, drift and the rates of
-    these bodies have opposite signs.
-
-    Args:
-        setting: Robot, momentum, scene and limits at time zero, from the centre of mass then.
-        present: Attitude of the spacecraft and joints where it begins.
-        state: The state at the end.
-        duration: Duration [s]; None for the shortest one found that limits permit.
-        first_duration: Duration with which the search for that one begins [s].
-        seed: Seed of the random paths.
-        progress: Called with the fraction done, in [0, 1].
-
-    Returns:
-        The motion, from its first centre of mass.
+    these bodies have opposite signs. The setting is the one at time zero, from the centre of mass
+    then, the motion from its first centre of mass; ``present`` are attitude and joints where it
+    begins. Without a duration [s] it is the shortest one found, in a search that begins with the
+    first duration.
     """
     attitude, joints = present
     query = Query(
@@ -235,12 +213,7 @@ def _why_not(
 ) -> GoalMotion:
     """The outcome of a search that found no motion, with the reason.
 
-    Args:
-        outcome: The outcome.
-        search: The search.
-        seed: Seed of random paths.
-        longer: What was found without the duration that was asked for.
-        goal_words: What the goal is called.
+    ``longer`` is what was found without the duration that was asked for.
     """
     if longer is not None and longer.duration is not None and longer.feasible:
         least = longer.duration

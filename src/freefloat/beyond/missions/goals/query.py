@@ -185,14 +185,8 @@ def violation_at_rest(
 ) -> LimitResult | None:
     """The first limit that a state violates, rates of joints apart; None where it keeps all.
 
-    Where the joints rest, momentum may turn the spacecraft too fast.
-
-    Args:
-        setting: Robot and scene, whose bodies are where they are at time zero.
-        checker: Checker of the limits.
-        attitude: Attitude of the spacecraft, unit quaternion x, y, z, w.
-        joints: Joint values, shape (n,).
-        rests: Whether the joints rest in this state.
+    The bodies of the scene are where they are at time zero. Where the joints rest, momentum may
+    turn the spacecraft too fast.
     """
     still = JointSpline(np.tile(joints, (DEGREE + 1, 1)))
     motion = integrate_spline(JointLaw(setting, still, _INSTANT), attitude)

@@ -39,10 +39,7 @@ _CLOSED_PER_START = 2
 def starts(relaxation: Relaxation, rng: np.random.Generator, most: int) -> Iterator[Array]:
     """Unknowns of paths that end at the goal, the most promising of random ones last.
 
-    Args:
-        relaxation: The family of paths and the goal.
-        rng: Generator of the random paths.
-        most: Most random paths.
+    At most so many of these are yielded.
     """
     paths = relaxation.paths
     blank = np.append(np.zeros((paths.rows, paths.joint_count)), 1.0)
