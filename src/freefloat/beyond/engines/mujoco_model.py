@@ -34,19 +34,6 @@ _LIGHTEST = 1e-9
 """Mass and inertia of links in the reader [kg, kg m²], until theirs are set."""
 
 
-def engine_module() -> Any:
-    """MuJoCo.
-
-    Raises:
-        InputError: If it is not installed.
-    """
-    require_extra("mujoco", "mujoco")
-    import mujoco
-
-    mujoco.set_mju_user_warning(lambda _: None)  # it would write a log in the working folder
-    return mujoco
-
-
 class MuJoCoModel:
     """A robot in MuJoCo: free or planar base, no contacts, no joint limits.
 
@@ -57,8 +44,11 @@ class MuJoCoModel:
     """
 
     def __init__(self, system: System) -> None:
-        model, self.system = system.model, system
-        self._mujoco = mujoco = engine_module()
+        require_extra("mujoco", "mujoco")
+        import mujoco
+
+        mujoco.set_mju_user_warning(lambda _: None)  # it would write a log in the working folder
+        model, self.system, self._mujoco = system.model, system, mujoco
         try:
             spec = mujoco.MjSpec.from_string(kinematic_urdf(model))
             spec.compiler.fusestatic = False
@@ -202,8 +192,7 @@ class MuJoCoModel:
     def batch(self, factors: Array) -> Any:
         """Robots with other masses, simulated side by side, without torques of wheels.
 
-        Args:
-            factors: Factors on mass and inertia of every moving body, shape (K, 1 + n).
+        Factors (K, 1 + n) are on mass and inertia of every moving body.
         """
         require_extra("mujoco", "mujoco.batch")  # which earlier versions lack
         from mujoco.batch import Batch
@@ -215,16 +204,10 @@ class MuJoCoModel:
         return batch
 
     def friction_law(self, batch: Any) -> tuple[Array, float]:
-        """MuJoCo's regularization of dry friction.
+        """MuJoCo's regularization of dry friction, of robots of :meth:`batch`.
 
         Below its limit, the friction of a joint is minus an inertia times the sum of the
-        acceleration and a constant times the rate.
-
-        Args:
-            batch: Robots, see :meth:`batch`.
-
-        Returns:
-            These inertias, shape (K, n), and the constant [1/s].
+        acceleration and a constant times the rate: inertias (K, n), and the constant [1/s].
         """
         impedance, width = self.model.dof_solimp[6, :2]
         time, _ = self.model.dof_solref[6]

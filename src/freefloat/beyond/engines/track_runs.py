@@ -30,13 +30,9 @@ _FEWEST, _CHUNK = 8, 256
 
 
 def chunks(study: Study, missing: IntArray) -> Iterator[Chunk]:
-    """Yield missing runs that follow the same motion with the same period, some at a time.
+    """Yield missing runs, of ascending numbers, that follow the same motion with the same period.
 
-    Runs of small groups are left out.
-
-    Args:
-        study: A study with the command track.
-        missing: Numbers of the runs, ascending.
+    Some come at a time; runs of small groups are left out.
     """
     groups: dict[tuple[str, float], list[int]] = {}
     for number in missing.tolist():
@@ -72,10 +68,7 @@ def _arguments(study: Study, number: int) -> dict[str, Any]:
 def computed(study: PortableStudy, chunk: Chunk, threads: int | None = None) -> Columns:
     """Simulate the runs of a chunk; return their rows, none if their motion is an error.
 
-    Args:
-        study: The study.
-        chunk: The runs.
-        threads: Number of threads; default is one per core.
+    By default there is one thread per core.
     """
     here, threads = study.here, threads or available_cores()
     began, begin = datetime.now(UTC).isoformat(timespec="milliseconds"), time.perf_counter()
@@ -96,9 +89,8 @@ def computed(study: PortableStudy, chunk: Chunk, threads: int | None = None) -> 
 def followed_motion(inputs: str, source: Path) -> Plan | Simulation:
     """What the command track follows: a simulation from a start, else the plan of the first path.
 
-    Args:
-        inputs: Arguments of :func:`computed_record` as JSON text, which many runs share.
-        source: The scenario's file.
+    Inputs are arguments of :func:`computed_record` as JSON text, which many runs share; the source
+    is the scenario's file.
     """
     arguments = json.loads(inputs)
     command = Command.SIMULATE if arguments["start"] else Command.PLAN
@@ -112,12 +104,8 @@ def _all_values(
 ) -> list[dict[str, Any]]:
     """The values of runs in which controllers follow a motion; residuals are their errors.
 
-    If the motion ends early, all runs have the values of the followed record.
-
-    Args:
-        followed: What to follow.
-        arguments: Arguments of :func:`.tracking.track` of each run, with the same period.
-        threads: Number of threads.
+    The runs have arguments of :func:`.tracking.track` with the same period. If the motion ends
+    early, all have the values of the followed record.
     """
     chosen = followed.chosen
     if chosen is None or not chosen.motion.completed:

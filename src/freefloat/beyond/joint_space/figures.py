@@ -101,8 +101,7 @@ def section(
 ) -> JointSection:
     """The section over some joints; ``at`` is by default :func:`reference_configuration`.
 
-    Raises:
-        InputError: If ``at`` is not a finite value for each joint.
+    Raises an InputError if ``at`` is not a finite value for each joint.
     """
     if at is None:
         values = reference_configuration(found)

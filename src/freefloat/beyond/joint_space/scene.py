@@ -96,12 +96,9 @@ def _indices(found: SingularityMap, joints: Sequence[str] | None) -> list[int]:
 
 
 def surface(part: JointSection) -> tuple[Array, IntArray]:
-    """The surface det A = 0 of a section over three joints.
+    """The surface det A = 0 of a section over three joints: vertices [rad or m], faces (F, 3).
 
     The front of its faces, whose corners run anticlockwise, is the side of det A > 0.
-
-    Returns:
-        Vertices [rad or m], shape (V, 3), and faces (F, 3).
     """
     polynomial = part.polynomial
     fractions = np.linspace(0.0, 1.0, _INTERVALS + 1)
@@ -205,17 +202,10 @@ def _lines(part: JointSection, drawn: bool) -> Iterator[str]:
 def zero_surface(
     function: Callable[[Array], Array], axes: tuple[Array, Array, Array]
 ) -> tuple[Array, IntArray]:
-    """The surface where a function vanishes, by marching tetrahedra.
+    """The surface where a function of points (K, 3) vanishes, by marching tetrahedra.
 
-    Each cell of a grid is divided into six tetrahedra. Vertices lie on their edges, where
-    bisections find a change of sign.
-
-    Args:
-        function: Values at points (K, 3); shape (K,).
-        axes: Ascending values of each variable on the grid.
-
-    Returns:
-        Vertices (V, 3) and faces (F, 3), whose corners run in either direction.
+    Each cell of a grid of ascending values is divided into six tetrahedra. Vertices lie on their
+    edges, where bisections find a change of sign; corners of faces run in either direction.
     """
     grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
     positive = function(grid) > 0.0

@@ -32,13 +32,7 @@ def singularity_map_report(found: SingularityMap, engine: str) -> tuple[CheckRep
     """All checks of a map of the joint space, and what is recomputed.
 
     The boxes are subdivided again and compared, where a map has at most half a million nodes.
-
-    Args:
-        found: The map.
-        engine: Freefloat's own alone.
-
-    Raises:
-        InputError: If another engine is given.
+    Raises an InputError if another engine than freefloat's own is given.
     """
     if engine != PINOCCHIO:
         raise InputError("engine", f"{engine} was given for a singularity map", PINOCCHIO)

@@ -53,7 +53,6 @@ def studio(
 
     Example: freefloat studio planar_3dof/parabola -o plans
     """
-    from freefloat.beyond.studio.command import redirect_page
     from freefloat.beyond.studio.server import serve_studio
     from freefloat.io.scenario.loading import load_scenario
     from freefloat.visualization.page.server import has_display, open_beside
