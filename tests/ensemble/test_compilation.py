@@ -76,7 +76,7 @@ def test_edits_of_kernels_and_of_their_constants_alone_have_another_cache(tmp_pa
     package, caches = tmp_path / "freefloat", tmp_path / "cache"
     shutil.copytree(Path(ff.__file__).parent, package)
     environment = {**os.environ, "PYTHONPATH": str(tmp_path), "NUMBA_CACHE_DIR": str(caches)}
-    command = [sys.executable, "-c", "import freefloat.ik.spreading_kernel"]
+    command = [sys.executable, "-c", "import freefloat.ik.kernels"]
     counts = []
     for file in ("studies/database.py", "ensemble/kernels/flow.py", "ensemble/endings.py"):
         subprocess.run(command, env=environment, check=True)

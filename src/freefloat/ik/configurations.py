@@ -165,7 +165,7 @@ def _move_inside(newton: Newton, positions: Array, rotations: Array, q: Array) -
 
 def _well_spread(arm: Chain | FreeFloatingModel, q: Array, most: int) -> Array:
     """At most that many configurations by farthest-point sampling from the first one."""
-    from freefloat.ik.spreading_kernel import spread  # Numba imports slowly
+    from freefloat.ik.kernels import spread  # Numba imports slowly
 
     chosen = np.full((len(q), most, q.shape[2]), np.nan)
     spread(np.array(arm.prismatic), np.array(q, order="C"), SAME, chosen)

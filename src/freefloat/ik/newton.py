@@ -83,7 +83,7 @@ class Newton:
             patience: Largest number of consecutive steps that hardly reduce the residual.
             robots: Properties of the robots of the poses, see :class:`.Robot`, shape (K, C).
         """
-        from freefloat.ik.newton_kernel import make_workspace, solve_all
+        from freefloat.ik.kernels import make_workspace, solve_all
 
         axes = required_plane(self.model, self.task).axes if self.task.planar else np.eye(3)
         rows = np.concatenate([positions[..., None, :], np.swapaxes(rotations, -1, -2)], axis=-2)

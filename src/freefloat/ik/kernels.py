@@ -1,11 +1,13 @@
-"""Newton's method for the joints of arms that reach poses at the same time, in lock step.
+"""Newton's method for arms that reach poses at the same time, and a choice of what it finds.
 
-The robot is as in equation (4), its spacecraft does not rotate, and positions are from the centre
-of mass: with y = a, columns of S* are columns of the virtual manipulator's Jacobian.
+In Newton's method, in lock step, the robot is as in equation (4), its spacecraft does not rotate,
+and positions are from the centre of mass: with y = a, columns of S* are columns of the virtual
+manipulator's Jacobian.
 """
 
 from __future__ import annotations
 
+from math import tau
 from typing import NamedTuple
 
 import numpy as np
@@ -35,7 +37,7 @@ from freefloat.lockstep.tables import (
     workspace,
 )
 from freefloat.lockstep.vectors import Vector, components, cross, dot, vector
-from freefloat.so3 import Array, IntArray
+from freefloat.so3 import Array, BoolArray, IntArray
 
 _SMALLEST = 1e-12
 """Smallest square of the cosine of half an angle: a rotation by pi has no direction."""
@@ -186,3 +188,40 @@ def _rotation_error(robot: Robot, e: int, work: NewtonBuffers) -> Vector:
         across = (across + cross(x, wanted_x) + cross(y, wanted_y)) * 0.5
         square = (1.0 + cosine + dot(x, wanted_x) + dot(y, wanted_y)) * 0.25
     return across * (1.0 / sqrt(maximum(square, _SMALLEST + 0.0 * square)))
+
+
+@compiled
+def spread(prismatic: BoolArray, q: Array, closest: float, chosen: Array) -> None:
+    """Write configurations by farthest-point sampling from the first one.
+
+    Args:
+        prismatic: Which joints are prismatic, shape (n,).
+        q: Joint values (n, B, K), NaN for missing configurations.
+        closest: Least distance of two configurations, the largest joint difference [rad, m].
+        chosen: Receives at most M configurations at each pose, shape (n, M, K).
+    """
+    n, count, poses = q.shape
+    own = np.empty((n, count))  # the configurations at a pose, side by side
+    distance, largest, turns = np.empty(count), np.empty(count), 1.0 / tau
+    for k in range(poses):
+        for b in range(count):
+            distance[b] = -1.0 if np.isnan(q[0, b, k]) else np.inf
+            for j in range(n):
+                own[j, b] = q[j, b, k]
+        for column in range(min(chosen.shape[1], count)):
+            farthest = 0
+            for b in range(1, count):
+                if distance[b] > distance[farthest]:
+                    farthest = b
+            if distance[farthest] < closest:
+                break
+            largest[:] = 0.0
+            for j in range(n):
+                value, turn = own[j, farthest], 0.0 if prismatic[j] else tau
+                chosen[j, column, k] = value
+                for b in range(count):
+                    difference = own[j, b] - value
+                    difference -= turn * np.rint(difference * turns)
+                    largest[b] = max(largest[b], abs(difference))
+            for b in range(count):
+                distance[b] = min(distance[b], largest[b])
