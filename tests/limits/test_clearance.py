@@ -12,8 +12,12 @@ from scipy.spatial import ConvexHull, Delaunay
 import freefloat as ff
 from freefloat.errors import ModelError
 from freefloat.limits.clearance import clearance, joint_levers
-from freefloat.limits.collision_shapes import all_shapes, shapes_of_bodies, shapes_of_links
-from freefloat.limits.convex_parts import convex_parts
+from freefloat.limits.collision_shapes import (
+    all_shapes,
+    convex_parts,
+    shapes_of_bodies,
+    shapes_of_links,
+)
 from freefloat.limits.pairs import CollisionPairs
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.validation import read_urdf
