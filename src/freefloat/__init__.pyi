@@ -62,7 +62,7 @@ from .scene.scene_body import SceneBody as SceneBody
 from .scene.tumbling import Tumbling as Tumbling
 from .limits.limits import Limits as Limits
 from .motion.pointing import PointingLimit as PointingLimit
-from .limits.check import check_limits as check_limits
+from .limits.limits import check_limits as check_limits
 
 # Beyond the paper: further arms, redundancy and wheels
 from .dynamics.redundancy import Redundancy as Redundancy

@@ -13,8 +13,7 @@ from scipy.interpolate import CubicSpline
 import freefloat as ff
 from freefloat.errors import InputError
 from freefloat.io.trajectory import Trajectory
-from freefloat.limits.check import LimitChecker, check_limits
-from freefloat.limits.limits import Limits
+from freefloat.limits.limits import LimitChecker, Limits, check_limits
 from freefloat.limits.result import needed_stretch
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.motion import Ending

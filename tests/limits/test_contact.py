@@ -8,7 +8,7 @@ import trimesh
 
 import freefloat as ff
 from freefloat.errors import ModelError
-from freefloat.limits.check import deepest_contact, why_unchecked
+from freefloat.limits.limits import deepest_contact, why_unchecked
 from freefloat.limits.pairs import CollisionPairs
 from freefloat.limits.result import LimitResult
 from freefloat.motion.motion import Motion

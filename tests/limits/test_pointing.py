@@ -12,8 +12,7 @@ from freefloat.attitude_grids import attitude_grid
 from freefloat.ensemble.endings import COMPLETED, LIMITED
 from freefloat.ensemble.ensemble import EnsembleIntegrator
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
-from freefloat.limits.check import check_limits
-from freefloat.limits.limits import Limits
+from freefloat.limits.limits import Limits, check_limits
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.motion import Motion
 from freefloat.motion.pointing import AttitudeLimits, PointingLimit

@@ -9,9 +9,8 @@ from scipy.spatial.transform import Rotation
 
 from freefloat.beyond.missions.goals.joint_integration import integrate_spline
 from freefloat.io.scenario.loading import load_scenario
-from freefloat.limits.check import check_limits, deepest_contact
 from freefloat.limits.clearance import clearance
-from freefloat.limits.limits import Limits
+from freefloat.limits.limits import Limits, check_limits, deepest_contact
 from freefloat.limits.pairs import CollisionPairs
 from freefloat.motion.joint_curves import JointSpline
 from freefloat.motion.law import JointLaw, PathLaw

@@ -62,7 +62,7 @@ def info(
     Example: freefloat info planar_2dof/line --joints 0.5 1.0
     """
     from freefloat.dynamics.summary import RobotSummary
-    from freefloat.limits.check import why_unchecked
+    from freefloat.limits.limits import why_unchecked
 
     console = Console(as_json, quiet)
     loaded = load_robot(console, robot, end_effector, FileOptions(root, package, xacro))

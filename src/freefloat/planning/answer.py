@@ -7,8 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Protocol
 
 from freefloat.kinds import named
-from freefloat.limits.check import Contact, deepest_contact
-from freefloat.limits.limits import Limits
+from freefloat.limits.limits import Contact, Limits, deepest_contact
 from freefloat.limits.result import LimitResult, violated
 from freefloat.motion.motion import Motion
 from freefloat.so3 import Array, frozen, zeros

@@ -21,7 +21,7 @@ import scipy
 
 from freefloat.concurrency import Progress
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
-from freefloat.limits.check import attitude_limits
+from freefloat.limits.limits import attitude_limits
 from freefloat.limits.result import LimitResult
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.problem import Problem

@@ -8,8 +8,7 @@ from dataclasses import replace
 from freefloat.certificate.certificate import certify
 from freefloat.concurrency import Progress, step_of
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
-from freefloat.limits.check import deepest_contact
-from freefloat.limits.limits import Limits
+from freefloat.limits.limits import Limits, deepest_contact
 from freefloat.motion.problem import Problem
 from freefloat.planning.candidates import Ball, Candidate, NearAttitude, Peak, ScreenedCandidate
 from freefloat.planning.headings import feasible_ranges, has_exact_ranges, heading_depth

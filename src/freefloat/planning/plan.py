@@ -7,8 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 from freefloat.certificate.certificate import Certificate
-from freefloat.limits.check import Contact
-from freefloat.limits.limits import Limits
+from freefloat.limits.limits import Contact, Limits
 from freefloat.limits.result import LimitResult
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem

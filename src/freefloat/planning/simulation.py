@@ -12,8 +12,7 @@ import numpy.typing as npt
 from freefloat.ensemble.compiled_motions import precise_motion
 from freefloat.errors import InputError, IntegrationError, whole_number
 from freefloat.ik.branches import ArmBranch
-from freefloat.limits.check import Contact, LimitChecker, deepest_contact
-from freefloat.limits.limits import Limits, limits_for
+from freefloat.limits.limits import Contact, LimitChecker, Limits, deepest_contact, limits_for
 from freefloat.limits.result import LimitResult, violated
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem, require_problem

@@ -14,10 +14,10 @@ from freefloat.dynamics.measures import SingularityMeasure, singularity_measure
 from freefloat.errors import InputError
 from freefloat.ik.branches import ArmBranch
 from freefloat.ik.nearest import CLOSEST, GIVEN
-from freefloat.limits.check import LimitChecker
 from freefloat.limits.kinds.base_turn import BaseTurnLimit
 from freefloat.limits.kinds.joint_range import JointRangeLimit
 from freefloat.limits.limit import JointLimit, Limit
+from freefloat.limits.limits import LimitChecker
 from freefloat.limits.result import LimitResult
 from freefloat.motion.extrema import closest_approach
 from freefloat.motion.motion import Ending, Motion

@@ -9,9 +9,8 @@ from typing import Any
 
 from freefloat.certificate.certificate import certify
 from freefloat.errors import IntegrationError
-from freefloat.limits.check import LimitChecker, deepest_contact
 from freefloat.limits.limit import OFF
-from freefloat.limits.limits import Limits
+from freefloat.limits.limits import LimitChecker, Limits, deepest_contact
 from freefloat.limits.result import LimitResult
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.motion import Motion

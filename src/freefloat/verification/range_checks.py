@@ -13,7 +13,7 @@ from freefloat.attitude_grids import even_directions
 from freefloat.ensemble.feasibility import FeasibilityEvaluator, regularity
 from freefloat.ensemble.result import EnsembleResult
 from freefloat.ensemble.systems import Systems
-from freefloat.limits.check import attitude_limits
+from freefloat.limits.limits import attitude_limits
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.pointing import AttitudeLimits
 from freefloat.motion.problem import Problem

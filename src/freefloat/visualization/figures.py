@@ -13,8 +13,7 @@ from matplotlib.figure import Figure
 from freefloat.concurrency import Progress
 from freefloat.errors import UnreachableError
 from freefloat.kinds import kind_of, named
-from freefloat.limits.check import attitude_limits
-from freefloat.limits.limits import Limits
+from freefloat.limits.limits import Limits, attitude_limits
 from freefloat.limits.result import violated
 from freefloat.motion.extrema import closest_approach
 from freefloat.motion.motion import Motion

@@ -13,8 +13,7 @@ import numpy as np
 
 from freefloat.beyond.missions.state import ExpectedState, SystemState, keys_within
 from freefloat.errors import InputError, require_type
-from freefloat.limits.check import Contact
-from freefloat.limits.limits import Limits
+from freefloat.limits.limits import Contact, Limits
 from freefloat.limits.result import LimitResult
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem

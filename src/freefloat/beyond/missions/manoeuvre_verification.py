@@ -18,8 +18,7 @@ from freefloat.beyond.missions.manoeuvre import PATH, REORIENTATION, Manoeuvre
 from freefloat.beyond.missions.path_phase import JUMP, PathPhase
 from freefloat.beyond.missions.state import SystemState
 from freefloat.dynamics.momentum import conserved, momentum_map
-from freefloat.limits.check import LimitChecker
-from freefloat.limits.limits import Limits
+from freefloat.limits.limits import LimitChecker, Limits
 from freefloat.limits.result import LimitResult
 from freefloat.motion.law import JointLaw
 from freefloat.motion.motion import Ending, Motion, State

@@ -18,8 +18,7 @@ from freefloat.certificate.certificate import certify
 from freefloat.dynamics.redundancy import Redundancy
 from freefloat.dynamics.tasks import Task
 from freefloat.errors import InputError, finite_number, require_type
-from freefloat.limits.check import LimitChecker, deepest_contact
-from freefloat.limits.limits import Limits
+from freefloat.limits.limits import LimitChecker, Limits, deepest_contact
 from freefloat.limits.result import LimitResult
 from freefloat.motion.extrema import closest_approach
 from freefloat.motion.integration import integrate_motion

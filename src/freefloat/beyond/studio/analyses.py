@@ -24,7 +24,7 @@ from freefloat.errors import InputError
 from freefloat.io.scenario.loading import parse_scenario
 from freefloat.io.scenario.scenario import Scenario
 from freefloat.kinds import SECTIONS, named
-from freefloat.limits.check import check_limits
+from freefloat.limits.limits import check_limits
 from freefloat.motion.motion import Motion
 from freefloat.motion.setting import JointSetting
 from freefloat.planning.margin_map import HeadingMap

@@ -20,12 +20,11 @@ from freefloat.ensemble.endings import COMPLETED, LIMITED, SINGULAR, UNREACHED
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.ensemble.result import BranchResults, EnsembleResult
 from freefloat.errors import IntegrationError
-from freefloat.limits.check import LimitChecker
 from freefloat.limits.kinds.base_rate import BaseRateLimit
 from freefloat.limits.kinds.clearance import ClearanceLimit
 from freefloat.limits.kinds.joint_range import JointRangeLimit
 from freefloat.limits.kinds.joint_rate import JointRateLimit
-from freefloat.limits.limits import Limits
+from freefloat.limits.limits import LimitChecker, Limits
 from freefloat.limits.result import LimitResult, needed_stretch
 from freefloat.motion.problem import Problem
 from freefloat.planning.candidates import ScreenedCandidate

@@ -10,8 +10,7 @@ import numpy as np
 
 from freefloat.concurrency import Progress, step_of
 from freefloat.errors import InputError, require_type
-from freefloat.limits.check import LimitChecker
-from freefloat.limits.limits import Limits
+from freefloat.limits.limits import LimitChecker, Limits
 from freefloat.limits.result import LimitResult, needed_stretch, violated
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.motion import Motion

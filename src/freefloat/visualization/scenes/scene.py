@@ -11,7 +11,7 @@ import scipy
 from meshcat import geometry as g
 
 from freefloat.errors import InputError
-from freefloat.limits.check import deepest_contact
+from freefloat.limits.limits import deepest_contact
 from freefloat.motion.extrema import closest_approach
 from freefloat.motion.motion import Motion
 from freefloat.motion.pointing import AttitudeLimits

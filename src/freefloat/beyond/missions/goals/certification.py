@@ -9,9 +9,9 @@ import numpy as np
 from freefloat.beyond.missions.goals.goal_motion import last_state
 from freefloat.beyond.missions.goals.joint_integration import integrate_spline
 from freefloat.beyond.missions.goals.relaxation import Relaxation, TermWeights
-from freefloat.limits.check import LimitChecker
 from freefloat.limits.kinds.clearance import ClearanceLimit
 from freefloat.limits.kinds.joint_torque import JointTorqueLimit
+from freefloat.limits.limits import LimitChecker
 from freefloat.limits.result import LimitResult
 from freefloat.motion.law import JointLaw
 from freefloat.motion.motion import Motion

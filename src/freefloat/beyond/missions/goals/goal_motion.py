@@ -12,8 +12,7 @@ import numpy as np
 from freefloat.beyond.missions.goals.goal import Goal
 from freefloat.beyond.missions.goals.target import EndState
 from freefloat.dynamics.system import System
-from freefloat.limits.check import Contact
-from freefloat.limits.limits import Limits
+from freefloat.limits.limits import Contact, Limits
 from freefloat.limits.result import LimitResult, all_violations, violated
 from freefloat.motion.law import JointLaw
 from freefloat.motion.motion import Motion

@@ -25,9 +25,8 @@ from freefloat.beyond.missions.goals.violations import ShapeLimits, StateLimits
 from freefloat.concurrency import Progress, step_of
 from freefloat.dynamics.system import System
 from freefloat.errors import InputError, require_type, seed_number
-from freefloat.limits.check import LimitChecker
 from freefloat.limits.limit import OFF
-from freefloat.limits.limits import Limits, limits_for
+from freefloat.limits.limits import LimitChecker, Limits, limits_for
 from freefloat.limits.result import LimitResult, all_violations
 from freefloat.motion.joint_curves import JointSpline
 from freefloat.motion.law import JointLaw
