@@ -16,7 +16,7 @@ from freefloat.limits.limits import Limits
 from freefloat.limits.result import LimitResult, all_violations, violated
 from freefloat.planning.candidates import ScreenedCandidate
 from freefloat.planning.headings import heading_depth
-from freefloat.planning.limits.stretching import Stretching
+from freefloat.planning.limits.stretching import sufficient_stretch
 from freefloat.planning.limits.trials import PassedTrial, Trials, screen
 from freefloat.planning.motions import SimulatedBranch
 from freefloat.planning.plan import Plan
@@ -198,7 +198,7 @@ def _without_candidate(plan: Plan, trials: Trials) -> Plan:
         attitudes = _attitudes(plan, _STRETCHED)
     else:
         attitudes = plan.map.attitudes[:: max(1, plan.map.samples // _STRETCHED)]
-    stretch, start = Stretching(trials).sufficient(attitudes)
+    stretch, start = sufficient_stretch(trials, attitudes)
     reason = _reason(excluded, results, count)
     if stretch is not None:
         reason += f"; {rounded_up(stretch):.4g} times the duration suffices"

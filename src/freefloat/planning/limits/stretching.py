@@ -24,91 +24,89 @@ OVER = 1.0 + 1e-5
 """Slightly more than what just keeps a limit."""
 
 
-class Stretching:
-    """The search for a duration with which a candidate of some trials keeps everything."""
+def sufficient_stretch(
+    trials: Trials, attitudes: Array
+) -> tuple[float, ScreenedCandidate] | tuple[None, None]:
+    """Factor on the duration with which a candidate keeps everything, and that candidate.
 
-    def __init__(self, trials: Trials) -> None:
-        self._trials, self._problem = trials, trials.problem
-
-    def sufficient(self, attitudes: Array) -> tuple[float, ScreenedCandidate] | tuple[None, None]:
-        """Factor on the duration with which a candidate keeps everything, and that candidate.
-
-        Without momentum its motion is the same, only slower. With momentum the system rotates
-        farther during a longer motion, so does a tumbling body of the scene, and weights of the arm
-        remain; the factor is then one with which it was integrated. With momentum and limits of
-        joint rates, motions from other attitudes (K, 4) are tried, too.
-        """
-        ranked = sorted(self._trials.too_fast, key=lambda entry: entry[0])
-        for needed, simulated in ranked[:_STRETCHED]:
-            attitude, branch = simulated.motion.initial.attitude, simulated.branch.index
-            candidate = ScreenedCandidate(attitude, branch)
-            enough: float | None = needed
-            if self._depends_on_duration:
-                enough = self._integrated_stretch(candidate, needed)
-            if enough is not None:
-                return enough, candidate
-        joint_rate = None if self._trials.limits is None else self._trials.limits.joint_rate
-        if not ranked or joint_rate is None or not self._problem.depends_on_timing:
-            return None, None
-        try:
-            return self._searched_stretch(attitudes, joint_rate, ranked[0][0])
-        except InputError:  # the system would rotate too often
-            return None, None
-
-    @property
-    def _depends_on_duration(self) -> bool:
-        """Whether a longer duration changes more than rates and torques by its powers."""
-        problem = self._problem
-        return problem.depends_on_timing or problem.scene.tumbles or problem.model.gravity > 0.0
-
-    def _integrated_stretch(self, candidate: ScreenedCandidate, needed: float) -> float | None:
-        """Factor with which a candidate's motion, integrated again, keeps everything, if found.
-
-        The search ends at a longer duration that does not bring the motion nearer to that.
-        """
-        factor, share = 1.0, 1.0  # how much of what is too fast a longer duration makes slower
-        for _ in range(_STRETCHES):
-            before, factor = factor, rounded_up(OVER * needed ** (1.0 / share) * factor)
-            try:
-                violated = self._violations(candidate, factor)
-            except InputError:  # the system would rotate too often
-                return None
-            if violated == ():
-                return factor
-            if not violated or not is_too_fast(violated) or needed_stretch(violated) >= needed:
-                return None
-            after = needed_stretch(violated)
-            share = np.clip(np.log(needed / after) / np.log(factor / before), _LEAST_SHARE, 1.0)
-            needed = after
-        return None
-
-    def _searched_stretch(
-        self, attitudes: Array, joint_rate: Array, factor: float
-    ) -> tuple[float, ScreenedCandidate] | tuple[None, None]:
-        """Factor and candidate from the slowest compiled motions of many attitudes."""
-        for _ in range(_STRETCHES):
-            factor = rounded_up(factor)
-            stretched = self._problem.stretched(factor)
-            threads, limits = self._trials.evaluator.threads, self._trials.limits
-            evaluator = evaluator_for(stretched, threads, limits)
-            results = evaluator.evaluate(attitudes)
-            ratios = results.motions.rate_usage(joint_rate)
-            ratios[~self._problem.margin.keeps(results.margins)] = np.inf
-            for index in np.argsort(ratios, axis=None)[:_STRETCHED]:
-                row, branch = np.unravel_index(int(index), ratios.shape)
-                candidate = ScreenedCandidate(attitudes[row], int(branch))
-                if ratios[row, branch] <= 1.0 and self._violations(candidate, factor) == ():
-                    return factor, candidate
-            smallest = float(ratios.min())
-            if not np.isfinite(smallest):
-                break
-            factor *= max(_STEP, smallest)
+    Without momentum its motion is the same, only slower. With momentum the system rotates farther
+    during a longer motion, so does a tumbling body of the scene, and weights of the arm remain; the
+    factor is then one with which it was integrated. With momentum and limits of joint rates,
+    motions from other attitudes (K, 4) are tried, too.
+    """
+    problem = trials.problem
+    by_more_than_powers = problem.depends_on_timing or problem.scene.tumbles
+    by_more_than_powers |= problem.model.gravity > 0.0
+    ranked = sorted(trials.too_fast, key=lambda entry: entry[0])
+    for needed, simulated in ranked[:_STRETCHED]:
+        attitude, branch = simulated.motion.initial.attitude, simulated.branch.index
+        candidate = ScreenedCandidate(attitude, branch)
+        enough: float | None = needed
+        if by_more_than_powers:
+            enough = _integrated_stretch(trials, candidate, needed)
+        if enough is not None:
+            return enough, candidate
+    joint_rate = None if trials.limits is None else trials.limits.joint_rate
+    if not ranked or joint_rate is None or not problem.depends_on_timing:
+        return None, None
+    try:
+        return _searched_stretch(trials, attitudes, joint_rate, ranked[0][0])
+    except InputError:  # the system would rotate too often
         return None, None
 
-    def _violations(
-        self, candidate: ScreenedCandidate, factor: float
-    ) -> tuple[LimitResult, ...] | None:
-        """Limits that a candidate violates with a longer duration; None for the margin."""
-        stretched = self._problem.stretched(factor)
-        simulated = integrate_branch(stretched, candidate.attitude, candidate.branch)
-        return self._trials.checker.violations(simulated.motion) if simulated.feasible else None
+
+def _integrated_stretch(
+    trials: Trials, candidate: ScreenedCandidate, needed: float
+) -> float | None:
+    """Factor with which a candidate's motion, integrated again, keeps everything, if found.
+
+    The search ends at a longer duration that does not bring the motion nearer to that.
+    """
+    factor, share = 1.0, 1.0  # how much of what is too fast a longer duration makes slower
+    for _ in range(_STRETCHES):
+        before, factor = factor, rounded_up(OVER * needed ** (1.0 / share) * factor)
+        try:
+            violated = _violations(trials, candidate, factor)
+        except InputError:  # the system would rotate too often
+            return None
+        if violated == ():
+            return factor
+        if not violated or not is_too_fast(violated) or needed_stretch(violated) >= needed:
+            return None
+        after = needed_stretch(violated)
+        share = np.clip(np.log(needed / after) / np.log(factor / before), _LEAST_SHARE, 1.0)
+        needed = after
+    return None
+
+
+def _searched_stretch(
+    trials: Trials, attitudes: Array, joint_rate: Array, factor: float
+) -> tuple[float, ScreenedCandidate] | tuple[None, None]:
+    """Factor and candidate from the slowest compiled motions of many attitudes."""
+    for _ in range(_STRETCHES):
+        factor = rounded_up(factor)
+        stretched = trials.problem.stretched(factor)
+        threads, limits = trials.evaluator.threads, trials.limits
+        evaluator = evaluator_for(stretched, threads, limits)
+        results = evaluator.evaluate(attitudes)
+        ratios = results.motions.rate_usage(joint_rate)
+        ratios[~trials.problem.margin.keeps(results.margins)] = np.inf
+        for index in np.argsort(ratios, axis=None)[:_STRETCHED]:
+            row, branch = np.unravel_index(int(index), ratios.shape)
+            candidate = ScreenedCandidate(attitudes[row], int(branch))
+            if ratios[row, branch] <= 1.0 and _violations(trials, candidate, factor) == ():
+                return factor, candidate
+        smallest = float(ratios.min())
+        if not np.isfinite(smallest):
+            break
+        factor *= max(_STEP, smallest)
+    return None, None
+
+
+def _violations(
+    trials: Trials, candidate: ScreenedCandidate, factor: float
+) -> tuple[LimitResult, ...] | None:
+    """Limits that a candidate violates with a longer duration; None for the margin."""
+    stretched = trials.problem.stretched(factor)
+    simulated = integrate_branch(stretched, candidate.attitude, candidate.branch)
+    return trials.checker.violations(simulated.motion) if simulated.feasible else None
