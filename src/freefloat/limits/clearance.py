@@ -16,9 +16,9 @@ from numpy.polynomial import chebyshev
 
 from freefloat.limits.collision_shapes import CollisionShape
 from freefloat.limits.pairs import CollisionPairs
+from freefloat.motion.law import scene_poses
 from freefloat.motion.motion import Motion
 from freefloat.motion.panels import TO_COEFFICIENTS
-from freefloat.motion.scene_poses import scene_poses
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.scene.scene import Scene
 from freefloat.scene.tumbling import Tumbling
@@ -35,18 +35,12 @@ _STARTS = 2
 
 
 def joint_levers(pairs: CollisionPairs, strokes: Array) -> Array:
-    """Bounds of the derivatives of the distances by the joint values.
+    """Bounds of the derivatives of the P distances by the joint values [m/rad or m/m], (P, n).
 
     A revolute joint moves the nearest points by no more than their distance from its axis; of the
     two shapes the nearer one counts, because only their relative motion matters. Pairs with a body
-    of the scene have :func:`frame_levers` instead.
-
-    Args:
-        pairs: The P pairs.
-        strokes: Largest magnitudes of the prismatic joints' values [m], shape (n,).
-
-    Returns:
-        [m/rad or m/m], shape (P, n).
+    of the scene have :func:`frame_levers` instead. Prismatic joints have strokes (n,), the largest
+    magnitudes of their values [m].
     """
     model, (first, second) = pairs.model, pairs.bodies.T
     reach = np.array([_reach(model, shape, strokes) for shape in pairs.shapes])
@@ -58,16 +52,10 @@ def joint_levers(pairs: CollisionPairs, strokes: Array) -> Array:
 
 
 def frame_levers(pairs: CollisionPairs) -> Array:
-    """Bounds of the derivatives of the distances by the motions of the bodies' frames.
+    """Bounds of the derivatives of the P distances by the motions of the bodies' frames, (P, 2 F).
 
-    Of a pair with a body of the scene both frames count.
-
-    Args:
-        pairs: The P pairs.
-
-    Returns:
-        By the translation of each of the F bodies' frames [m/m] and, from column F on, by its
-        rotation [m/rad]: the radius of the shape about its origin, shape (P, 2 F).
+    Of a pair with a body of the scene both frames count: by the translation of each of the F frames
+    [m/m] and, from column F on, by its rotation [m/rad], the radius of the shape about its origin.
     """
     radii = np.array([np.linalg.norm(shape.points, axis=1).max() for shape in pairs.shapes])
     count = len(pairs.model.bodies) + len(pairs.scene.bodies)
@@ -185,7 +173,7 @@ def _distances(motion: Motion, pairs: CollisionPairs, places: Array, pair: IntAr
     order = np.argsort(number, kind="stable")
     groups = np.split(order, np.cumsum(np.bincount(number, minlength=len(unique)))[:-1])
     states = motion.evaluate(unique)
-    bodies = scene_poses(motion, *states)
+    bodies = scene_poses(motion.law, *states)
     for k, (attitude, joints, group) in enumerate(zip(*states[1:], groups, strict=True)):
         poses = [body[k] for body in bodies]
         distances[group] = pairs.distances(joints, pair[group], attitude, poses)
@@ -196,14 +184,8 @@ def _path_lengths(coefficients: Array, size: int) -> Array:
     """Bounds of the path lengths of vectors from the start of a motion to the ends of its parts.
 
     In each part of a panel a speed is at most the speed at the faster end plus the largest
-    acceleration times half the part.
-
-    Args:
-        coefficients: Chebyshev coefficients of the C components, shape (panels, 9, C).
-        size: Number of components of a vector.
-
-    Returns:
-        Shape (parts + 1, C / size).
+    acceleration times half the part. From Chebyshev coefficients (panels, 9, C) of components, so
+    many for each vector, follow lengths of shape (parts + 1, C / size).
     """
     x = np.linspace(-1.0, 1.0, _PARTS + 1)
     c = np.moveaxis(coefficients, 1, 0)
@@ -224,10 +206,8 @@ def _frame_path_lengths(motion: Motion, scene: Scene, edges: Array) -> Array:
     """Path length bounds of the F frames of the robot's and scene's bodies, at panel coordinates.
 
     Inside panels frames follow the polynomials through their poses at the nodes, except frames of
-    tumbling bodies, whose rate is bounded.
-
-    Returns:
-        Path lengths [m] and, from column F on, angles [rad], shape (parts + 1, 2 F).
+    tumbling bodies, whose rate is bounded. Lengths [m] and, from column F on, angles [rad] have the
+    shape (parts + 1, 2 F).
     """
 
     def lengths(poses: Pose) -> Array:
@@ -239,7 +219,7 @@ def _frame_path_lengths(motion: Motion, scene: Scene, edges: Array) -> Array:
     robot = setting.model.body_poses(motion.attitudes, motion.joints)
     frames = [lengths(poses) for poses in robot]
     elapsed = np.abs(motion.evaluate(edges)[0] - motion.times[0])
-    placed = scene_poses(motion, motion.times, motion.attitudes, motion.joints)
+    placed = scene_poses(motion.law, motion.times, motion.attitudes, motion.joints)
     for number, body in enumerate(scene.bodies):
         if body.motion == "target":
             frames.append(lengths(placed[number]))

@@ -22,6 +22,7 @@ from freefloat.motion.problem import Problem
 from freefloat.motion.setting import JointSetting, Setting
 from freefloat.paths.timing import TimeLaw, Timing
 from freefloat.robot.model import FreeFloatingModel
+from freefloat.scene.scene_body import EndEffectorPoses
 from freefloat.so3 import Array, IntArray, Pose, rotated_in_body
 
 _DIFFERENCES = np.array([1.0, 2.0, -1.0, -2.0])
@@ -225,3 +226,30 @@ class JointLaw:
     @cached_property
     def _dynamics(self) -> InverseDynamics:
         return InverseDynamics(self.setting.system)
+
+
+def scene_poses(
+    law: PathLaw | JointLaw, t: Times, attitude: Array, joints: Array
+) -> tuple[Pose, ...]:
+    """Frames of the bodies of the scene in a state, from the centre of mass, inertial axes.
+
+    In K states each body has K poses.
+    """
+    poses = _end_effector_poses(law, t, attitude, joints)
+    return law.setting.scene.poses(t, law.setting, poses)
+
+
+def corridor_pose(law: PathLaw | JointLaw, t: Times, attitude: Array, joints: Array) -> Pose:
+    """The frame of the corridor in a state, as of :func:`scene_poses`."""
+    poses = _end_effector_poses(law, t, attitude, joints)
+    return law.setting.scene.corridor_pose(t, law.setting, poses)
+
+
+def _end_effector_poses(
+    law: PathLaw | JointLaw, t: Times, attitude: Array, joints: Array
+) -> EndEffectorPoses | None:
+    """Poses of the end-effector, where bodies move with it."""
+    if not law.setting.scene.follows:
+        return None
+    actual = law.setting.model.end_effector_pose(attitude, joints)
+    return EndEffectorPoses(law.target(t, attitude, joints), actual)

@@ -19,8 +19,8 @@ from mpl_toolkits.mplot3d.proj3d import proj_transform
 
 from freefloat.attitude_grids import even_directions
 from freefloat.dynamics.plane import Plane
+from freefloat.motion.law import scene_poses
 from freefloat.motion.motion import Ending, Motion
-from freefloat.motion.scene_poses import scene_poses
 from freefloat.regions.workspace import Workspace
 from freefloat.robot.meshes import Mesh
 from freefloat.robot.shapes import Box, Cylinder, corners
@@ -223,7 +223,7 @@ def from_above(points: Array) -> Array:
 def outline_points(motion: Motion, time: float) -> Iterator[tuple[SceneBody, Array]]:
     """Yield each shape of the bodies at a time [s] as points in the inertial frame [m], (K, 3)."""
     _, attitudes, joints = motion.evaluate(motion.coordinates_at([time]))
-    poses = scene_poses(motion, time, attitudes[0], joints[0])
+    poses = scene_poses(motion.law, time, attitudes[0], joints[0])
     for body, pose in zip(motion.setting.scene.bodies, poses, strict=True):
         for points in _body_points(body):
             yield body, pose.position + points @ pose.rotation.T

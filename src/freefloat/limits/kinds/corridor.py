@@ -6,8 +6,8 @@ import numpy as np
 
 from freefloat.limits.limit import Limit, place_of_maximum
 from freefloat.limits.result import LimitResult
+from freefloat.motion.law import corridor_pose
 from freefloat.motion.motion import Motion
-from freefloat.motion.scene_poses import corridor_pose
 from freefloat.motion.setting import Setting
 from freefloat.scene.scene import Corridor
 from freefloat.so3 import Array, IntArray
@@ -34,7 +34,7 @@ class CorridorLimit(Limit[Corridor]):
 
         def deviation(t: Array, attitudes: Array, joints: Array) -> Array:
             pose = setting.model.end_effector_pose(attitudes, joints)
-            frame = corridor_pose(motion, t, attitudes, joints)
+            frame = corridor_pose(motion.law, t, attitudes, joints)
             return np.asarray(corridor.deviation((frame.inverse() @ pose).position))
 
         def squared(panel: IntArray, x: Array) -> Array:

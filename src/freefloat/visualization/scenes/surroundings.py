@@ -8,8 +8,8 @@ from itertools import product
 
 import numpy as np
 
+from freefloat.motion.law import corridor_pose, scene_poses
 from freefloat.motion.motion import Motion
-from freefloat.motion.scene_poses import corridor_pose, scene_poses
 from freefloat.scene.scene import Corridor
 from freefloat.scene.scene_body import SceneBody
 from freefloat.scene.tumbling import Tumbling
@@ -68,9 +68,9 @@ class Surroundings:
     def of(cls, motion: Motion, times: Array, places: Array) -> Surroundings:
         """The surroundings of a motion at some times [s], whose panel coordinates are given."""
         scene, states = motion.setting.scene, (times, *motion.evaluate(places)[1:])
-        corridor = None if scene.corridor is None else corridor_pose(motion, *states)
+        corridor = None if scene.corridor is None else corridor_pose(motion.law, *states)
         visuals = tuple(body_visuals(k, body) for k, body in enumerate(scene.bodies))
-        return cls(motion, times, scene_poses(motion, *states), corridor, visuals)
+        return cls(motion, times, scene_poses(motion.law, *states), corridor, visuals)
 
     @property
     def items(self) -> tuple[str, ...]:
@@ -120,7 +120,7 @@ class Surroundings:
         motion, times = self.motion, np.linspace(0.0, self.motion.law.timing.duration, 101)
         known = np.clip(times, motion.times.min(), motion.times.max())
         states = times, *motion.evaluate(motion.coordinates_at(known))[1:]
-        frames = corridor_pose(motion, *states)
+        frames = corridor_pose(motion.law, *states)
         return (frames.inverse() @ motion.law.target(*states)).position
 
 
