@@ -43,8 +43,8 @@ from freefloat.so3 import Array, BoolArray, IntArray
 
 _SPACING = np.radians(0.25)
 """Spacing of the first grid of slacks."""
-_WIDEST, _FINEST, _LEVELS = 1.01 * _SPACING, 1e-6, 8
-"""Largest and smallest distance of headings in the grid, and how often it is divided in a round."""
+_WIDEST, _FINEST = 1.01 * _SPACING, 1e-6
+"""Largest and smallest distance of headings in the grid."""
 _INSIDE = 1e-9
 """Distance of the grid from the ends of a range, beyond which there may be no motion [rad]."""
 _BRACKET, _EXACT = 1e-4, 1e-10
@@ -182,7 +182,7 @@ class _Slack:
         values, kept = slacks(headings, np.zeros(len(headings), np.int64))
         exist = np.isfinite(values[:, 0])
         first = LineSamples(headings[exist], values[exist], kept[exist])
-        (line,) = resolved(slacks, [first], _WIDEST, _FINEST, _BRACKET, _LEVELS, _FINEST)
+        (line,) = resolved(slacks, [first], _WIDEST, _FINEST, _BRACKET, _FINEST)
         for ends in zip(*line.ends(0.0), strict=True):
             yield self._zero(*sorted(map(float, ends)))
 

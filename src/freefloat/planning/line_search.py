@@ -23,8 +23,8 @@ _STEEPER = 2.0, 8.0
 """How much steeper a function may be than between samples, and the same next to a local minimum."""
 _SECTIONS = 8
 """Parts of an interval that is bisected."""
-_ROUNDS = 6
-"""Rounds of divisions and bisections, at most."""
+_ROUNDS, _LEVELS = 6, 8
+"""Rounds of divisions and bisections, at most, and how often an interval is divided in a round."""
 Function = Callable[[Array, IntArray], tuple[Array, BoolArray]]
 """Slacks (M, R) at points (M,) of lines with numbers (M,), and which points are kept, (M,)."""
 
@@ -99,7 +99,6 @@ def resolved(
     widest: float,
     finest: float,
     exact: float,
-    levels: int,
     flattest: float = np.inf,
 ) -> list[LineSamples]:
     """Samples among which nothing but what they show violates a requirement.
@@ -110,11 +109,10 @@ def resolved(
         widest: Largest distance of neighbours that are kept.
         finest: Intervals narrower than this are not divided.
         exact: Distance of the samples at both sides of an end.
-        levels: How often an interval may be divided in a round.
         flattest: Intervals beside violated maxima that are narrower than this are not divided.
     """
     for _ in range(_ROUNDS):
-        for _ in range(levels):
+        for _ in range(_LEVELS):
             added = [line.divided(widest, finest, flattest) for line in lines]
             if not any(map(len, added)):
                 break

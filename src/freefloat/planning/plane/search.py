@@ -49,8 +49,8 @@ _FLATTEST = np.radians(0.02)
 _SCANNED, _JUMP = 7200, 0.3
 """Headings at which arm branches are looked for, and difference of joints from one to the next that
 is none of the same branch [rad, m]."""
-_EXACT, _LEVELS = 1e-8, 8
-"""Accuracy of the limits of ranges [rad], and how often an interval is divided in a round."""
+_EXACT = 1e-8
+"""Accuracy of the limits of ranges [rad]."""
 _JUST = 1e-5
 """Largest violation of a limit of attitude, a difference of cosines, at the end that it decides."""
 _AROUND = 361
@@ -118,7 +118,7 @@ def searched_ranges(
             _follow(within, headings, slacks, kept)
         lines.append(LineSamples(round_circle, slacks[closed], kept[closed]))
     flattest = np.inf if problem.redundant else _FLATTEST
-    lines = resolved(within, lines, _WIDEST, _NARROWEST, _EXACT, _LEVELS, flattest)
+    lines = resolved(within, lines, _WIDEST, _NARROWEST, _EXACT, flattest)
     limits_of_domain = () if domain.whole else domain.heading_limits(problem.plane)
 
     def causes(outside: Array, column: int) -> list[str]:
@@ -141,7 +141,7 @@ def depth_of_start(evaluator: FeasibilityEvaluator, heading: float, domain: Sear
 
     headings = heading + np.linspace(-np.pi, np.pi, _AROUND)
     first = LineSamples(headings, *within(headings, np.zeros(_AROUND, np.int64)))
-    (line,) = resolved(within, [first], _WIDEST, _NARROWEST, _EXACT, _LEVELS)
+    (line,) = resolved(within, [first], _WIDEST, _NARROWEST, _EXACT)
     return float(np.abs(line.points[~line.kept] - heading).min(initial=np.pi))
 
 

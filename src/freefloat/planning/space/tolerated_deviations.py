@@ -53,9 +53,9 @@ MOMENTUM_EFFORT = SearchEffort(samples=768, descents=16)
 """Effort of the adversarial searches that confirm the tolerated deviation."""
 _SECTIONS = 40
 """Durations tried first, longer and shorter ones."""
-_FINEST, _EXACT, _LEVELS = 1e-5, 1e-6, 8
+_FINEST, _EXACT = 1e-5, 1e-6
 """Width of the narrowest gap between durations that is searched for, and the accuracy of the
-shortest and the longest one, as fractions, and how often an interval is divided in a round."""
+shortest and the longest one, as fractions."""
 _NEARLY_USED_UP, _STRICT = 0.01, 1e-9
 """Fraction of the margin by which a minimum exceeds a margin that is nearly used up, and tolerance
 of the integrator then."""
@@ -194,7 +194,7 @@ def _kept_around_zero(function: Function, low: float, high: float) -> Array:
     """Ends of the interval around zero, inside two others, that keeps all requirements, (2,)."""
     powers = np.linspace(low, high, 2 * _SECTIONS + 1)
     samples = LineSamples(powers, *function(powers, np.zeros(len(powers), np.int64)))
-    (samples,) = resolved(function, [samples], high, _FINEST, _EXACT, _LEVELS)
+    (samples,) = resolved(function, [samples], high, _FINEST, _EXACT)
     before, after = samples.points <= 0.0, samples.points >= 0.0
     shorter, longer = samples.points[before][::-1], samples.points[after]
     kept = samples.kept[before][::-1], samples.kept[after]
