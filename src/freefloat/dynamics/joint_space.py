@@ -30,13 +30,9 @@ Function = Callable[[Array], Any]
 
 @dataclass(frozen=True, eq=False)
 class Extremes:
-    """Maximum and minimum of a measure over the joint space.
+    """Maximum S_max and minimum of a measure over the joint space, with joint values (n,) of both.
 
-    Attributes:
-        largest: Maximum S_max.
-        largest_at: Joint values of the maximum, shape (n,).
-        smallest: Minimum; negative for determinants.
-        smallest_at: Joint values of the minimum, shape (n,).
+    The minimum is negative for determinants.
     """
 
     largest: float

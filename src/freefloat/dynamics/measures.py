@@ -221,8 +221,7 @@ def plane_axes(model: FreeFloatingModel, task: Task) -> Array:
 def trigonometric_terms(model: FreeFloatingModel) -> Array:
     """The factor S(q2, q3) (40) of det A of an elbow arm, see :mod:`.arm_factor`.
 
-    Returns:
-        Rows k, l, a, b of the terms a cos(k q2 + l q3) + b sin(k q2 + l q3), shape (5, 4).
+    Rows are k, l, a, b of the terms a cos(k q2 + l q3) + b sin(k q2 + l q3), shape (5, 4).
     """
     frames = link_frames(model)
     plane = ArmPlane.of(frames)

@@ -33,8 +33,7 @@ _ROUNDED_PI = 1e-3
 class Plane:
     """A plane through the centre of mass, the same one seen from spacecraft and inertial frame.
 
-    Attributes:
-        axes: Two directions in the plane and its normal, columns of a rotation, shape (3, 3).
+    Columns of the rotation ``axes`` (3, 3) are two directions in the plane and its normal.
     """
 
     axes: Array

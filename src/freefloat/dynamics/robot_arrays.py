@@ -31,8 +31,7 @@ NO_ARMS = FurtherArms(0, 0.0, np.zeros((0, 0, 0)))
 class KernelAxes:
     """What the kernels read and write, seen from the spacecraft frame and along their own axes.
 
-    Attributes:
-        plane: The plane of a planar task, otherwise the x-y plane; z is along its normal.
+    Their z is along the normal of the plane of a planar task, otherwise of the x-y plane.
     """
 
     plane: Plane
@@ -57,12 +56,9 @@ class KernelAxes:
 
 
 def kernel_robot(model: FreeFloatingModel, task: Task, coefficients: Array | None = None) -> Robot:
-    """The arrays of a robot, all moving arms of which follow paths.
+    """The arrays of a robot, all moving arms of which follow paths, for a task.
 
-    Args:
-        model: Robot.
-        task: Part of the poses that is prescribed.
-        coefficients: Coefficients of the measure ``arm``, shape (T, 2).
+    The measure ``arm`` has coefficients, shape (T, 2).
     """
     plane, arms = KernelAxes.of(model, task).plane, model.single_arms
     frames = [link_frames(arm) for arm in arms]
@@ -101,14 +97,9 @@ def spacecraft_moments(
 ) -> tuple[Array, Array]:
     """Moments of spacecraft and further arms about the origin of the spacecraft frame.
 
-    Args:
-        model: Robot.
-        joints: Joint values of the further arms [rad or m], shape (..., dof - arm_dof).
-        rates: Rates of these joints, of the same shape.
-
-    Returns:
-        Mass, first moment and inertia as :func:`.inertial_row` returns them, shape (..., 10), and
-        the angular momentum relative to the spacecraft [N m s], shape (..., 3).
+    From joint values [rad or m] and rates of the further arms, shape (..., dof - arm_dof), follow
+    rows as :func:`.inertial_row` returns them, shape (..., 10), and the angular momentum relative
+    to the spacecraft [N m s], shape (..., 3).
     """
     shape, data = joints.shape[:-1], model.pin_model.createData()
     q, v = np.zeros(7 + model.dof), np.zeros(6 + model.dof)

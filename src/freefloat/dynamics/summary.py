@@ -25,13 +25,10 @@ from freefloat.so3 import UPRIGHT, Array, Pose, unit_quaternion
 
 @dataclass(frozen=True, eq=False)
 class Configuration:
-    """A robot at given joints.
+    """A robot at joints (n,) [rad or m] and an attitude, a unit quaternion x, y, z, w.
 
-    Attributes:
-        joints: Joint values [rad or m], shape (n,).
-        attitude: Attitude of the spacecraft, unit quaternion x, y, z, w.
-        poses: Poses of the end-effector, by the frame that they are relative to.
-        measures: Values of singularity measures by name.
+    There are poses of the end-effector by the frame that they are relative to, and values of
+    singularity measures by name.
     """
 
     joints: Array

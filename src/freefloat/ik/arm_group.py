@@ -28,12 +28,10 @@ _CONFIGURATIONS = 256
 
 @dataclass(frozen=True, eq=False)
 class Arm:
-    """An arm, the others being at zero joints.
+    """An arm: the robot with this moving arm alone, the others at zero joints.
 
-    Attributes:
-        model: Robot with this moving arm alone.
-        joints: The arm's joints among all joints.
-        form: The closed form of its branches, None where they are searched for.
+    Its ``joints`` are among all joints; the closed form of its branches is None where they are
+    searched for.
     """
 
     model: FreeFloatingModel
@@ -64,10 +62,7 @@ class Arm:
 class ArmGroup:
     """The arms of a robot that follow paths, and the task of their end-effectors.
 
-    Attributes:
-        model: Robot, no further arm of which moves along a joint curve.
-        task: Part of the poses that is prescribed.
-        arms: The arms.
+    No further arm moves along a joint curve.
     """
 
     model: FreeFloatingModel

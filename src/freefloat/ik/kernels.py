@@ -194,11 +194,9 @@ def _rotation_error(robot: Robot, e: int, work: NewtonBuffers) -> Vector:
 def spread(prismatic: BoolArray, q: Array, closest: float, chosen: Array) -> None:
     """Write configurations by farthest-point sampling from the first one.
 
-    Args:
-        prismatic: Which joints are prismatic, shape (n,).
-        q: Joint values (n, B, K), NaN for missing configurations.
-        closest: Least distance of two configurations, the largest joint difference [rad, m].
-        chosen: Receives at most M configurations at each pose, shape (n, M, K).
+    Of joint values (n, B, K), NaN for missing configurations, at most M at each pose are written to
+    ``chosen`` (n, M, K), no two of them ``closest`` or nearer, by the largest joint difference
+    [rad, m].
     """
     n, count, poses = q.shape
     own = np.empty((n, count))  # the configurations at a pose, side by side

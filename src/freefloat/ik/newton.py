@@ -42,12 +42,7 @@ factor."""
 
 @dataclass(frozen=True, eq=False)
 class Newton:
-    """Newton's method for the joints of a robot, all moving arms of which reach poses.
-
-    Attributes:
-        model: Robot.
-        task: Part of the poses that is prescribed.
-    """
+    """Newton's method for the joints of a robot, all moving arms of which reach poses."""
 
     model: FreeFloatingModel
     task: Task
@@ -102,12 +97,7 @@ class Newton:
     ) -> Array:
         """Joint values (n, B, K) to which it converges from others at K poses, else NaN.
 
-        Args:
-            positions: As for :meth:`solved`.
-            rotations: As for :meth:`solved`.
-            q: Starts, NaN for missing ones, shape (n, B, K).
-            steps: Largest number of steps.
-            patience: Largest number of consecutive steps that hardly reduce the residual.
+        Starts are NaN where they are missing; other arguments are as for :meth:`solved`.
         """
         solutions, starts = np.full(q.shape, np.nan), np.isfinite(q).all(axis=0)
         joints, residuals = self.solved(
@@ -126,14 +116,11 @@ class Newton:
 
 
 class _Features(NamedTuple):
-    """End-effector poses as they are compared.
+    """End-effector poses as they are compared, by values (F, K), in a frame that is rotated.
 
-    Attributes:
-        values: Shape (F, K).
-        angle: Rotation about the first axis from the frame of comparison [rad], shape (K,).
-        axis: The last axis in that frame, of the task ``pointing`` the end-effector's z axis, shape
-            (3, K).
-        across: A direction normal to that axis that the last joint rotates, shape (3, K).
+    The angle (K,) is the rotation about the first axis from the frame of comparison [rad]. In that
+    frame ``axis`` (3, K) is the last axis, of the task ``pointing`` the end-effector's z axis, and
+    ``across`` (3, K) a direction normal to it that the last joint rotates.
     """
 
     values: Array
@@ -144,16 +131,11 @@ class _Features(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class PoseTable:
-    """Configurations of an arm, evenly distributed in a box of joint values.
+    """Configurations of an arm, evenly distributed in a box of joint values, shape (n, M).
 
-    Attributes:
-        chain: Arm.
-        task: Part of the poses that is prescribed.
-        length: Distance that counts as much as one radian [m].
-        joints: Configurations, zero for joints whose angle follows from a pose, shape (n, M).
-        features: End-effector poses of the configurations.
-        tree: Search tree of the features.
-        spacing: Poses that are reached are closer to some in the table.
+    They are zero for joints whose angle follows from a pose. A tree has the features of their
+    end-effector poses, with a length that counts as much as one radian [m]; poses that are reached
+    are closer than ``spacing`` to some.
     """
 
     chain: Chain
@@ -186,16 +168,10 @@ class PoseTable:
         return cls(chain, task, length, joints, features, tree, spacing)
 
     def nearest(self, positions: Array, rotations: Array, count: int) -> Array:
-        """The configurations with the poses closest to K others.
+        """So many configurations with the poses closest to K others, shape (n, count, K).
 
-        Args:
-            positions: End-effector positions, shape (K, 3).
-            rotations: End-effector rotations, shape (K, 3, 3).
-            count: Number of configurations for each pose.
-
-        Returns:
-            Joint values, the closest first, NaN where there are fewer at most ``spacing`` away,
-            shape (n, count, K).
+        Positions have the shape (K, 3), rotations (K, 3, 3). The closest configurations are first;
+        there is NaN where there are fewer at most ``spacing`` away.
         """
         poses = positions.T, rotations.transpose(1, 2, 0)
         wanted = _features(self.chain, self.task, self.length, *poses)

@@ -177,11 +177,9 @@ _TOUCHING = 1e-8
 
 @dataclass(frozen=True, eq=False)
 class ConvexPart:
-    """A convex polytope.
+    """A convex polytope of vertices (V, 3) [m].
 
-    Attributes:
-        points: Vertices [m], shape (V, 3).
-        faces: Three vertices each, anticlockwise when seen from outside, shape (F, 3).
+    Its faces (F, 3) have three vertices each, anticlockwise when seen from outside.
     """
 
     points: Array

@@ -50,10 +50,8 @@ _LAST = 3
 class RecordedLimits:
     """Limits of motions of one arm: torques of all motions at once, others one after the other.
 
-    Attributes:
-        problem: The problem that disturbed motions have in common.
-        joint_torque: Largest magnitudes [N m or N], shape (n,); None without limit.
-        along: Limits that are checked one motion after the other.
+    Disturbed motions have the problem in common. Largest torques (n,) [N m or N] are None without
+    limit; limits ``along`` motions are checked one motion after the other.
     """
 
     problem: Problem
@@ -157,12 +155,9 @@ class RecordedLimits:
 
 
 class LargestTorques(NamedTuple):
-    """The largest magnitude of the torque or force of each joint along K motions.
+    """The largest magnitude of the torque or force of each joint along K motions, shape (K, n).
 
-    Attributes:
-        values: The magnitudes [N m or N], shape (K, n).
-        times: Times of the magnitudes [s], shape (K, n).
-        errors: Estimated errors of the magnitudes, shape (K, n).
+    There are magnitudes [N m or N], their times [s], and estimates of their errors.
     """
 
     values: Array

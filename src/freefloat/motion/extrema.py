@@ -40,13 +40,10 @@ Functions are smooth inside panels and may jump from one to the next, as acceler
 
 @dataclass(frozen=True)
 class Extremum:
-    """An extremum of one of several functions along a motion.
+    """An extremum of the function with an index, of several along a motion.
 
-    Attributes:
-        value: The extreme value; infinite where a function is not finite.
-        index: Index of the function.
-        panel: Panel in which it lies.
-        x: Parameter inside the panel, -1 to 1.
+    It lies in a panel at the parameter x, -1 to 1; its value is infinite where a function is not
+    finite.
     """
 
     value: float
@@ -69,9 +66,8 @@ def at_nodes(motion: Motion, f: Function) -> Array:
 def minimum(values: Array, f: Function | None = None) -> Extremum:
     """The smallest value that any of several functions takes along a motion.
 
-    Args:
-        values: Values of the functions at the nodes of every panel, see :func:`at_nodes`.
-        f: The functions; left out where they are the polynomials through ``values``.
+    From values at the nodes of every panel, see :func:`at_nodes`; without functions of the
+    polynomials through them.
     """
     if not np.isfinite(values).all():
         k, i, c = np.argwhere(~np.isfinite(values))[0]

@@ -18,12 +18,7 @@ _ALL_ATTITUDES = 8.0 * np.pi**2
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """An attitude that was found between the samples.
-
-    Attributes:
-        attitude: Quaternion x, y, z, w.
-        branch: Number of the arm branch; None for the best of a redundant arm.
-    """
+    """An attitude, x, y, z, w, and the number of an arm branch; None for a redundant arm's best."""
 
     attitude: Quaternions
     branch: int | None

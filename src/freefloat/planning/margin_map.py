@@ -126,12 +126,9 @@ class HeadingPeak(Peak):
 
 @dataclass(frozen=True)
 class HeadingRegion:
-    """A run of feasible headings of an arm branch.
+    """A run of feasible headings of an arm branch, or of any start of a redundant arm (None).
 
-    Attributes:
-        branch: Number of the arm branch; None for any start of a redundant arm.
-        size: Width [rad].
-        centre: Middle [rad], in [0, 2 pi).
+    It has a width, its size, and its middle in [0, 2 pi) as centre [rad].
     """
 
     branch: int | None

@@ -115,12 +115,8 @@ class Objective(ABC):
 class Comparison:
     """What an objective compares the motions of a problem by.
 
-    Attributes:
-        objective: The objective.
-        present: Present attitude of the spacecraft, x, y, z, w, where it is known.
-        limits: Limits in addition to the margin; None without.
-        evaluator: Evaluator of the motions.
-        margins: Minimum margins of some motions; the largest is the unit of margins.
+    The present attitude of the spacecraft is x, y, z, w, where it is known; limits are in addition
+    to the margin. The largest of the minimum margins of some motions is the unit of margins.
     """
 
     objective: Objective

@@ -155,13 +155,10 @@ def _point(
 
 
 class PathState(NamedTuple):
-    """Point 3 and the last link at instants of the path, in complex numbers.
+    """Point 3 and the last link at instants of the path, in complex numbers, arrays of shape (...).
 
-    Attributes:
-        position: Position of point 3 [m], shape (...).
-        velocity: Velocity of point 3 [m/s], shape (...).
-        last: Angle of the end-effector [rad], shape (...).
-        last_rate: Rate of that angle [rad/s], shape (...).
+    They are position [m] and velocity [m/s] of point 3, angle [rad] and rate [rad/s] of the last
+    link.
     """
 
     position: Complex
@@ -173,14 +170,7 @@ class PathState(NamedTuple):
 class PlanarCandidates:
     """States with S = S0 on the path, and how fast S changes there.
 
-    Attributes:
-        arm: The arm.
-        curves: Margin curves of the arm.
-        duration: Duration of the path [s].
-        plane: Plane of the arm.
-        timing: Timing of the path.
-        times: Instants at which candidates are looked at [s], dense near rests, shape (T,).
-        path: The path at those instants.
+    ``path`` is the path at the instants ``times`` (T,) [s], which are dense near rests.
     """
 
     def __init__(self, problem: Problem, level: float) -> None:

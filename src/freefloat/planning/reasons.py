@@ -139,11 +139,9 @@ def verdict_on(
 def out_of_reach(problem: Problem) -> float | None:
     """Path parameter from which the end-effector cannot reach the path, whatever the attitude.
 
-    Points that are too near to the centre of mass, or that joint ranges or the end-effector's
-    orientation exclude, are not found.
-
-    Returns:
-        0 where the path begins out of reach, None where all of it lies within the reach.
+    It is 0 where the path begins out of reach, None where all of it lies within the reach. Points
+    that are too near to the centre of mass, or that joint ranges or the end-effector's orientation
+    exclude, are not found.
     """
 
     def excess(s: float) -> float:

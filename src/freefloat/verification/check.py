@@ -25,10 +25,8 @@ PINOCCHIO = "pinocchio"
 class EngineRuns:
     """What another engine computed along a motion along a path.
 
-    Attributes:
-        inverse: Record of its inverse dynamics; None without another engine.
-        forward: Record of its own integration; None without another engine.
-        checks: Comparisons of both with the motion.
+    There are records of its inverse dynamics and of its own integration, which are None without
+    another engine, and comparisons of both with the motion.
     """
 
     inverse: Any = None
@@ -47,12 +45,9 @@ class Engine(Protocol):
         """
 
     def simulated(self, motion: Motion, steps: int, allowed: float) -> Iterator[Check]:
-        """Integrate a motion of prescribed joints; check its final attitude.
+        """Integrate a recorded motion of prescribed joints in steps; check its final attitude.
 
-        Args:
-            motion: The recorded motion.
-            steps: Number of steps.
-            allowed: Deviation of the final attitude [rad].
+        It may deviate by an allowed angle [rad].
         """
 
 

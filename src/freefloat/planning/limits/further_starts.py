@@ -30,13 +30,10 @@ _MORE = 2
 
 @dataclass(frozen=True, eq=False)
 class SearchStarts:
-    """Attitudes from which motions of smaller violations are searched for.
+    """Attitudes (K, 4), x, y, z, w, from which motions of smaller violations are searched for.
 
-    Attributes:
-        attitudes: Quaternions x, y, z, w, shape (K, 4).
-        merits: Minus the violations of the motions from them, shape (K, B).
-        spacing: Distance of neighbouring attitudes [rad].
-        added: How many attitudes are not samples of the plan.
+    Merits are minus the violations of the motions from them, shape (K, B), ``spacing`` is the
+    distance of neighbours [rad]; so many attitudes were ``added`` to the samples of the plan.
     """
 
     attitudes: Array

@@ -56,10 +56,6 @@ class Trials:
     """Precise motions of candidates: what they violate, and which comes nearest to passing.
 
     Attributes:
-        problem: The problem.
-        evaluator: Evaluator of the problem.
-        limits: The limits; None for the margin alone.
-        checker: The limits, prepared for the problem's robot.
         refusals: How many candidates violate which limit first.
         count: Number of precise motions.
         refusal: What the last motion that did not pass violates first.

@@ -50,12 +50,9 @@ _Planned = tuple[Array, Array, float, float]
 
 @dataclass(frozen=True, eq=False)
 class RangeLimit:
-    """A motion that is tangent to its margin and keeps it everywhere else.
+    """A motion that is tangent to its margin at a touch point and keeps it everywhere else.
 
-    Attributes:
-        touch_point: Where |S| of the motion is smallest.
-        start_heading: Heading at the start of the span [rad], in [0, 2 pi).
-        end_heading: Heading at the end of the span [rad], in [0, 2 pi).
+    Its headings at the start and the end of the span are in [0, 2 pi) [rad].
     """
 
     touch_point: TouchPoint

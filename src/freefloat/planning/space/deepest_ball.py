@@ -55,11 +55,7 @@ _FINEST = 2e-3
 
 
 class _Outside:
-    """Attitudes known to be outside the feasible set of a branch, which limit balls inside.
-
-    Attributes:
-        branch: Number of the arm branch; None for the best of a redundant arm.
-    """
+    """Attitudes known to be outside the feasible set of a branch, which limit balls inside."""
 
     def __init__(self, domain: SearchDomain, branch: int | None, outside: Array) -> None:
         self.branch, self._outside = branch, np.empty((0, 4))

@@ -36,15 +36,10 @@ _GAUSS = np.polynomial.legendre.leggauss(4)
 
 @dataclass(frozen=True, eq=False)
 class _SplineLimits:
-    """Limits at K places by the N coefficients w of y.
+    """Limits at K places by the N coefficients w of y = values w, shape (K, N).
 
-    Attributes:
-        values: The matrix of y, shape (K, N).
-        linear: Matrix of the limits linear w <= bounds.
-        bounds: Bounds of the linear limits.
-        jerk: Matrix of the limits sqrt(y) jerk w <= left.
-        left: Jerk that momentum and drift leave, of the limits of jerk.
-        place: Places of the limits of jerk, integers.
+    They are linear w <= bounds, and sqrt(y) jerk w <= left, at numbered places, where ``left`` is
+    the jerk that momentum and drift leave.
     """
 
     values: Array
