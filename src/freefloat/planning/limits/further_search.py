@@ -19,13 +19,13 @@ from freefloat.ensemble.known_limits import KNOWN
 from freefloat.ensemble.result import EnsembleResult
 from freefloat.limits.kinds.corridor import CorridorLimit
 from freefloat.limits.limits import Limits
-from freefloat.limits.result import LimitResult, all_violations, violated
+from freefloat.limits.result import all_violations, violated
 from freefloat.planning.candidates import ScoredAttitude
 from freefloat.planning.headings import heading_depth, ranges_containing
 from freefloat.planning.limits.further_starts import SearchStarts, starts_of
 from freefloat.planning.limits.keeping import moved_nearer
 from freefloat.planning.limits.trials import PassedTrial, Trials, Violations, largest_violation
-from freefloat.planning.motions import SimulatedBranch, integrate_branch
+from freefloat.planning.motions import integrate_branch
 from freefloat.planning.pattern_search import Clouds, Turns
 from freefloat.planning.plan import Plan
 from freefloat.planning.reasons import margin_text, reach_message
@@ -67,7 +67,7 @@ def searched_further(
         own = "" if plan.search.present is None else "the attitude the spacecraft has and "
         tried = f"{own}{search.tried:,} further attitudes, with those nearby that violate the least"
         plan = replace(plan, reason=f"{plan.reason}; {tried}, were tried, too")
-        nearest, results = search.nearest()
+        nearest, results = search.trials.nearest()
         if plan.chosen is not None or nearest is None:
             return plan
         best = f"in the best of them {all_violations(violated(results))}"
@@ -93,6 +93,7 @@ class _FurtherSearch:
     """See :func:`searched_further`.
 
     Attributes:
+        trials: The precise motions.
         tried: Number of further attitudes from which motions were searched for.
     """
 
@@ -104,7 +105,7 @@ class _FurtherSearch:
         self._evaluator, self._plan, self._search = evaluator, plan, search
         self._redundant = plan.problem.redundant
         self._violations = Violations(evaluator, limits)
-        self._trials = Trials(evaluator, limits)
+        self.trials = Trials(evaluator, limits)
         margins = np.ones(1) if plan.map is None else plan.map.results.motions.minimum
         self._compared = search.comparison(evaluator, limits, np.asarray(margins))
         self._climb = Climb(
@@ -117,7 +118,7 @@ class _FurtherSearch:
         """The best motion found that keeps everything; None where none does."""
         present = None
         if self._search.present is not None:
-            present = self._trials.best_at(self._search.present)
+            present = self.trials.best_at(self._search.present)
         if present is not None and self._search.objective.approaches:
             return present
         for starts in starts_of(self._evaluator, self._plan, self._violations):
@@ -128,10 +129,6 @@ class _FurtherSearch:
                 return max(passed, key=self._merit_of) if len(passed) > 1 else passed[0]
         return None
 
-    def nearest(self) -> tuple[SimulatedBranch | None, tuple[LimitResult, ...]]:
-        """The motion that keeps the margin and most nearly the limits, and the limit results."""
-        return self._trials.nearest()
-
     def _best_start(self, starts: SearchStarts) -> PassedTrial | None:
         """The motion of the largest merit, of motions whose compiled ones keep everything."""
         attitudes = starts.attitudes[(starts.merits >= -1.0).any(axis=1)]
@@ -141,7 +138,7 @@ class _FurtherSearch:
         row, branch = np.unravel_index(int(np.argmax(merits)), merits.shape)
         if not np.isfinite(merits[row, branch]):
             return None
-        return self._trials.at(attitudes[row], int(branch))
+        return self.trials.at(attitudes[row], int(branch))
 
     def _from_smallest_violations(self, starts: SearchStarts) -> PassedTrial | None:
         """A motion with a small violation that passes; None where no motion tried does."""
@@ -153,10 +150,10 @@ class _FurtherSearch:
         )
         near = [entry for entry in best if entry.merit >= -1.0 - _SLACK][:_TRIED] or best[:1]
         for candidate in near:
-            passed = self._trials.at(*self._numbered(candidate, self._violations))
+            passed = self.trials.at(*self._numbered(candidate, self._violations))
             if passed is not None:
                 return passed
-        nearest, results = self._trials.nearest()
+        nearest, results = self.trials.nearest()
         shown = all(result.limit in KNOWN for result in results if not result.kept)
         if nearest is None or shown or not self._precisely:
             return None
@@ -192,13 +189,13 @@ class _FurtherSearch:
         """What a precise motion violates; one that passes is added to ``passing``."""
         attitude, branch = self._numbered(candidate, self._violations)
         simulated = integrate_branch(self._plan.problem, attitude, branch)
-        passed = self._trials.check(simulated)
+        passed = self.trials.check(simulated)
         if passed is not None:
             passing.append(passed)
             return 0.0
         if not simulated.feasible:
             return 2.0
-        return largest_violation(self._trials.checker.violations(simulated.motion))
+        return largest_violation(self.trials.checker.violations(simulated.motion))
 
     def _numbered(self, candidate: ScoredAttitude, merit: _Merit) -> tuple[Array, int]:
         """The attitude and its arm branch, the branch of largest merit where it has no number."""
@@ -210,7 +207,7 @@ class _FurtherSearch:
 
     def _improved(self, passed: PassedTrial, starts: SearchStarts) -> PassedTrial:
         """The motion moved to where the objective's merit is larger and everything is kept."""
-        search, trials = self._search, self._trials
+        search, trials = self._search, self.trials
         if search.objective.compares_motions:
             climb = replace(self._climb, merit=partial(self._evaluator.largest, merit=self._merit))
             branch = None if self._redundant else passed[0].branch.index
