@@ -17,9 +17,9 @@ import freefloat as ff
 from benchmarks.motions import ATTITUDE, equal_tolerance
 from benchmarks.result import Result, race
 from freefloat.attitude_grids import attitude_grid
-from freefloat.ensemble.compiled_motions import precise_motion
 from freefloat.ensemble.endings import COMPLETED
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
+from freefloat.ensemble.integrators import precise_motion
 from freefloat.ensemble.result import is_regular
 from freefloat.motion.problem import Problem
 

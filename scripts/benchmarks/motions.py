@@ -11,9 +11,9 @@ import freefloat as ff
 from benchmarks.plain import PlainMotion
 from benchmarks.result import Result, processor_time, race
 from freefloat.attitude_grids import attitude_grid
-from freefloat.ensemble.compiled_motions import precise_motion
 from freefloat.ensemble.endings import COMPLETED
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
+from freefloat.ensemble.integrators import precise_motion
 from freefloat.motion.motion import Motion
 from freefloat.planning.objectives import NAMED
 from freefloat.planning.plane.arcs import BranchRanges

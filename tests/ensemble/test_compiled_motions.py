@@ -5,9 +5,8 @@ import pytest
 from scipy.interpolate import make_interp_spline
 
 import freefloat as ff
-from freefloat.ensemble.compiled_motions import precise_motion
 from freefloat.ensemble.ensemble import EnsembleIntegrator
-from freefloat.ensemble.without_numba import PreciseIntegrator
+from freefloat.ensemble.integrators import PreciseIntegrator, precise_motion
 from freefloat.motion.pointing import AttitudeLimits
 from freefloat.motion.problem import Problem
 from freefloat.paths.timing import Stop

@@ -11,8 +11,8 @@ from freefloat.attitude_grids import attitude_grid
 from freefloat.concurrency import Progress, require_memory, run_chunks
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.ensemble.endings import COMPLETED, STEP_TOLERANCE
+from freefloat.ensemble.integrators import Integrator, integrator_for
 from freefloat.ensemble.result import REGULAR_RATIO, BranchResults, EnsembleResult
-from freefloat.ensemble.without_numba import Integrator, integrator_for
 from freefloat.ik.branches import ClosedForm, closed_form
 from freefloat.motion.margin import keeps_threshold
 from freefloat.motion.pointing import AttitudeLimits

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from freefloat.dynamics.redundancy import Redundancy
-from freefloat.ensemble.compiled_motions import precise_motion
 from freefloat.ensemble.endings import step_tolerance
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
+from freefloat.ensemble.integrators import precise_motion
 from freefloat.ik.branches import ArmBranch
 from freefloat.ik.numbering import MAX_BRANCHES
 from freefloat.limits.limits import Limits

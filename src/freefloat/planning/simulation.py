@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 
 import numpy.typing as npt
 
-from freefloat.ensemble.compiled_motions import precise_motion
+from freefloat.ensemble.integrators import precise_motion
 from freefloat.errors import InputError, IntegrationError, whole_number
 from freefloat.ik.branches import ArmBranch
 from freefloat.limits.limits import Contact, LimitChecker, Limits, deepest_contact, limits_for

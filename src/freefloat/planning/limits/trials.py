@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from freefloat.ensemble.compiled_motions import precise_motion
 from freefloat.ensemble.endings import COMPLETED, LIMITED, SINGULAR, UNREACHED
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
+from freefloat.ensemble.integrators import precise_motion
 from freefloat.ensemble.result import BranchResults, EnsembleResult
 from freefloat.errors import IntegrationError
 from freefloat.limits.kinds.base_rate import BaseRateLimit

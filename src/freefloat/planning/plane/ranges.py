@@ -16,8 +16,8 @@ from typing import Annotated, Any
 import numpy as np
 
 from freefloat.dynamics.joint_space import largest_measure
+from freefloat.ensemble.integrators import Integrator, integrator_for
 from freefloat.ensemble.result import EnsembleResult
-from freefloat.ensemble.without_numba import Integrator, integrator_for
 from freefloat.errors import InputError
 from freefloat.motion.problem import Problem
 from freefloat.planning.planar_touch_points import planar_touch_points

@@ -18,9 +18,9 @@ import numpy as np
 from freefloat.attitude_grids import attitudes_within, even_directions
 from freefloat.dynamics.momentum import inertia_matrices
 from freefloat.ensemble.feasibility import FeasibilityEvaluator, is_kept, regularity
+from freefloat.ensemble.integrators import Integrator, integrator_for
 from freefloat.ensemble.result import EnsembleResult
 from freefloat.ensemble.systems import Systems
-from freefloat.ensemble.without_numba import Integrator, integrator_for
 from freefloat.planning.candidates import Ball, Candidate, SearchEffort, Tolerance
 from freefloat.planning.line_search import Function, LineSamples, resolved
 from freefloat.planning.motions import SimulatedBranch, evaluator_near
