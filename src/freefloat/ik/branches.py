@@ -34,7 +34,7 @@ _SLICE = 1024
 _Solved = TypeVar("_Solved")
 
 
-_ELBOWS = ("elbow+", "elbow-")
+ELBOWS = ("elbow+", "elbow-")
 _SIGNS = tuple(
     f"shoulder{shoulder} elbow{elbow} wrist{wrist}"
     for shoulder, elbow, wrist in product("+-", repeat=3)
@@ -175,7 +175,7 @@ def many_arm_branches(
     if form is ClosedForm.ELBOW_AND_WRIST:
         labels, solve = _SIGNS, partial(solve_elbow_and_wrist, model)
     else:
-        labels, solve = _ELBOWS, partial(solve_planar_elbow, model)
+        labels, solve = ELBOWS, partial(solve_planar_elbow, model)
     joints = np.concatenate(_in_slices(solve, positions, rotations), axis=2).transpose(2, 1, 0)
     exist = np.asarray(np.isfinite(joints).all(axis=2))
     joints = np.where(exist[..., None], joints, np.nan)

@@ -19,6 +19,7 @@ from freefloat.dynamics.joint_space import largest_measure
 from freefloat.ensemble.integrators import Integrator, integrator_for
 from freefloat.ensemble.result import EnsembleResult
 from freefloat.errors import InputError
+from freefloat.ik.branches import ELBOWS
 from freefloat.motion.problem import Problem
 from freefloat.planning.planar_touch_points import planar_touch_points
 from freefloat.planning.plane.arcs import (
@@ -41,7 +42,6 @@ _TOLERANCE = 1e-11
 """Relative and absolute tolerance of the motions to the limits."""
 _SAME_BRANCH = 1e-4
 """Largest distance of joint values from the values of their arm branch [rad]."""
-_LABELS = "elbow+", "elbow-"
 
 Span = tuple[float, float]
 _Planned = tuple[Array, Array, float, float]
@@ -162,11 +162,11 @@ def heading_ranges(
         edges.append((heading, _branch_of(problem, heading, joints, at), MARGIN))
 
     arcs = []
-    for index in range(len(_LABELS)):
+    for index in range(len(ELBOWS)):
         own = ((heading, cause) for heading, branch, cause in edges if branch in (index, None))
         arcs.append(list(arcs_between(sorted(own))))
     feasible = _feasible_arcs(problem, arcs, span, at, domain)
-    entries = enumerate(zip(_LABELS, arcs, feasible, strict=True))
+    entries = enumerate(zip(ELBOWS, arcs, feasible, strict=True))
     return tuple(branch_ranges(index, *entry) for index, entry in entries)
 
 

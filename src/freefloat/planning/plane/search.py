@@ -18,7 +18,7 @@ from freefloat.concurrency import Progress
 from freefloat.ensemble.endings import COMPLETED, LIMITED, UNREACHED
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.ensemble.result import BranchResults, EnsembleResult
-from freefloat.ik.branches import closed_form, searched_labels
+from freefloat.ik.branches import ELBOWS, closed_form, searched_labels
 from freefloat.ik.nearest import newton_solutions
 from freefloat.motion.pointing import AttitudeLimits
 from freefloat.motion.problem import Problem
@@ -80,7 +80,7 @@ def searched_ranges(
     if problem.redundant:
         labels = {0: "any"}
     elif has_two_angle_form(problem.model, problem.task):
-        labels = {0: "elbow+", 1: "elbow-"}
+        labels = dict(enumerate(ELBOWS))
     else:
         existing = np.flatnonzero(results.exist.any(axis=0)).tolist()
         searched = _is_searched(problem)
