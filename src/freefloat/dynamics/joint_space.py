@@ -107,9 +107,7 @@ def joint_box(
 ) -> tuple[Array, Array]:
     """Lower and upper bounds of the joint space: a full revolution or a prismatic joint's range.
 
-    Args:
-        model: Robot.
-        fixed: Joints with a fixed value, by index; their bounds are one unit to either side.
+    Joints with a ``fixed`` value, by index, have bounds one unit to either side.
 
     Raises:
         InputError: If another prismatic joint has no finite range.

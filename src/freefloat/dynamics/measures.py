@@ -229,12 +229,7 @@ def trigonometric_terms(model: FreeFloatingModel) -> Array:
 
 
 def _arm(terms: Array, joints: Array) -> Any:
-    several = np.ndim(joints) == 2
-    return _sum_of_terms(
-        terms, joints if several else finite_after(np.zeros(0), "joints", joints, 6)
-    )
-
-
-def _sum_of_terms(terms: Array, joints: Array) -> Any:
+    if np.ndim(joints) != 2:
+        joints = finite_after(np.zeros(0), "joints", joints, 6)
     angles = joints[..., 1:3] @ terms[:, :2].T
     return np.cos(angles) @ terms[:, 2] + np.sin(angles) @ terms[:, 3]

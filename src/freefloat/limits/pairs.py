@@ -67,12 +67,8 @@ class CollisionPairs:
     ) -> None:
         """Choose the pairs of a robot and a scene that can be farther apart than a clearance [m].
 
-        Args:
-            model: The robot.
-            clearance: The clearance [m].
-            scene: The scene.
-            stated: Whether the clearance was asked for. Otherwise only ``<collision>`` shapes count
-                and shapes that cannot be used are left out; there may be no pair.
+        Unless the clearance was ``stated``, only ``<collision>`` shapes count and shapes that
+        cannot be used are left out; there may be no pair.
 
         Raises:
             ModelError: If a shape cannot be read, or there is no pair.
@@ -129,16 +125,11 @@ class CollisionPairs:
         attitude: npt.ArrayLike = UPRIGHT,
         poses: Sequence[Pose] = (),
     ) -> Array:
-        """Distances of pairs in a configuration.
+        """Distances (K,) of pairs in a configuration [m]; of shapes that overlap, minus the depth.
 
-        Args:
-            joints: Joint values [rad or m], shape (n,).
-            pairs: Indices into :attr:`pairs`, shape (K,).
-            attitude: Attitude of the spacecraft, x, y, z, w; used for a scene with bodies only.
-            poses: Frames of the bodies of the scene in the inertial frame.
-
-        Returns:
-            [m], shape (K,); of shapes that overlap, minus the penetration depth.
+        Pairs are indices into :attr:`pairs`, shape (K,), joint values [rad or m] have the shape
+        (n,). For a scene with bodies the attitude of the spacecraft, x, y, z, w, and frames of the
+        bodies in the inertial frame count, too.
         """
         q = np.concatenate([INERTIAL, np.asarray(joints)])
         if poses:

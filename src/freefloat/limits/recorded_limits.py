@@ -62,10 +62,7 @@ class RecordedLimits:
     def of(cls, problem: Problem, limits: Limits, *, moved: bool) -> RecordedLimits:
         """The limits of a problem; contact is none unless a clearance is stated.
 
-        Args:
-            problem: The problem.
-            limits: Limits of the problem.
-            moved: Whether durations or robots vary, so that the bodies of a scene are elsewhere.
+        Where durations or robots vary, bodies of a scene have ``moved``.
 
         Raises:
             ModelError: If a clearance is required and the shapes of the robot cannot be used.

@@ -103,13 +103,9 @@ def resolved(
 ) -> list[LineSamples]:
     """Samples among which nothing but what they show violates a requirement.
 
-    Args:
-        function: What is sampled.
-        lines: First samples of each line.
-        widest: Largest distance of neighbours that are kept.
-        finest: Intervals narrower than this are not divided.
-        exact: Distance of the samples at both sides of an end.
-        flattest: Intervals beside violated maxima that are narrower than this are not divided.
+    Neighbours that are kept are at most ``widest`` apart, samples at both sides of an end
+    ``exact``. Intervals narrower than ``finest`` are not divided; beside violated maxima narrower
+    than ``flattest``.
     """
     for _ in range(_ROUNDS):
         for _ in range(_LEVELS):
