@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, ExitStack, closing, nullcontext
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
 
 from freefloat.concurrency import Progress, available_cores, require_memory
 from freefloat.errors import InputError, finite_number, require_extra, require_type, whole_number
@@ -23,7 +24,7 @@ from freefloat.studies.database import StudyDatabase, open_results
 from freefloat.studies.disturbances import group_numbers
 from freefloat.studies.folder import DATABASE, REPORT
 from freefloat.studies.results import StudyResult
-from freefloat.studies.rows import StudyRows, save_tables
+from freefloat.studies.rows import save_tables
 from freefloat.studies.study import UNDISTURBED, Study
 from freefloat.studies.study_file import START_KEYS, Command
 from freefloat.studies.workers import PortableStudy, completed_in_pool, study_files
@@ -94,15 +95,14 @@ def run_study(
             database = stack.enter_context(open_results(folder, study, files, done))
         try:
             with step(runs) as done:
-                tally = _Tally(study.count, database.rows, until, done)
-                before = tally.done
+                sent = PortableStudy(study, () if scheduler is None else files)
+                count = workers or available_cores()
+                execution = _Execution(sent, database, count, scheduler, until, done)
+                before = execution.done
                 if before < study.count and not study.varies_robot:
                     _ = study.base_robot  # whose error is one of every run
                 if before < study.count:
                     _ = study.start(0)  # likewise, and found once
-                sent = PortableStudy(study, () if scheduler is None else files)
-                count = workers or available_cores()
-                execution = _Execution(sent, database, tally, count, scheduler)
                 execution.compute_chunks()
                 execution.execute()
             execution.write_files(step)
@@ -111,7 +111,7 @@ def run_study(
             raise
         with step("tables") as done:
             tables = save_tables(folder, database.rows, done)
-        result = StudyResult(study, database.rows, folder, tally.done - before)
+        result = StudyResult(study, database.rows, folder, execution.done - before)
         paths = {"database": folder / DATABASE, **tables, **dict.fromkeys(_REPORT_FILES)}
         result = replace(result, files=paths, seconds=time.perf_counter() - begin)
         if report or (result.computed and (folder / REPORT).exists()):
@@ -146,24 +146,27 @@ def runs_text(count: int) -> str:
     return f"{count:,} run{'' if count == 1 else 's'}"
 
 
-class _Tally:
-    """Verdicts of the runs of a study so far, and whether these are enough."""
+@dataclass(frozen=True, eq=False)
+class _Execution:
+    """The steps of a study, and the verdicts of its runs so far.
 
-    def __init__(
-        self, count: int, rows: StudyRows, until: float | None, progress: Progress
-    ) -> None:
-        """Count the finished runs.
+    ``until`` is the width of the confidence interval of the feasible fraction that is enough;
+    ``progress`` is called with the fraction of finished runs, in [0, 1].
+    """
 
-        Args:
-            count: Number of runs.
-            rows: The finished ones.
-            until: Width of the confidence interval of the feasible fraction that is enough.
-            progress: Called with the fraction of finished runs, in [0, 1].
-        """
-        self._verdicts = np.full(count, _MISSING, dtype=np.int8)
-        self._until = until
-        self._progress = progress
-        self._note(rows.column(NUMBER), rows.column("verdict"))
+    sent: PortableStudy
+    database: StudyDatabase
+    workers: int
+    scheduler: str | None
+    until: float | None
+    progress: Progress
+
+    @cached_property
+    def _verdicts(self) -> npt.NDArray[np.int8]:
+        """Indices into ``VERDICTS`` by the number of the run, of missing runs ``_MISSING``."""
+        verdicts, rows = np.full(self.sent.study.count, _MISSING, dtype=np.int8), self.database.rows
+        verdicts[rows.column(NUMBER)] = [*map(VERDICTS.index, rows.column("verdict"))]
+        return verdicts
 
     @property
     def done(self) -> int:
@@ -171,46 +174,26 @@ class _Tally:
         return int((self._verdicts != _MISSING).sum())
 
     @property
-    def missing(self) -> IntArray:
+    def _missing(self) -> IntArray:
         """Numbers of the other runs."""
         return np.flatnonzero(self._verdicts == _MISSING)
 
     @property
-    def is_enough(self) -> bool:
+    def _is_enough(self) -> bool:
         """Whether the interval, of the runs before the first missing one, is narrow enough."""
-        if self._until is None:
+        if self.until is None:
             return False
-        missing = self.missing
+        missing = self._missing
         known = self._verdicts[: missing[0]] if len(missing) else self._verdicts
         feasible, infeasible, _ = np.bincount(known, minlength=len(VERDICTS)).tolist()
         if not feasible + infeasible:
             return False
         low, high = confidence_interval(feasible, feasible + infeasible)
-        return high - low <= self._until
-
-    def add(self, numbers: Column, verdicts: Iterable[str]) -> bool:
-        """Count finished runs; return whether these are enough."""
-        self._note(numbers, verdicts)
-        self._progress(self.done / len(self._verdicts))
-        return self.is_enough
-
-    def _note(self, numbers: Column, verdicts: Iterable[str]) -> None:
-        self._verdicts[np.asarray(numbers, dtype=int)] = [VERDICTS.index(v) for v in verdicts]
-
-
-@dataclass(frozen=True, eq=False)
-class _Execution:
-    """The steps of a study."""
-
-    sent: PortableStudy
-    database: StudyDatabase
-    tally: _Tally
-    workers: int
-    scheduler: str | None
+        return high - low <= self.until
 
     def compute_chunks(self) -> None:
         """Compute the missing runs that differ in little, side by side."""
-        study, missing = self.sent.study, self.tally.missing
+        study, missing = self.sent.study, self._missing
         if study.content.command is not Command.TRACK and (group_numbers(study)[missing] < 0).all():
             return
         from freefloat.studies.ensembles import chunks, computed  # compiled kernels import slowly
@@ -236,12 +219,14 @@ class _Execution:
         if not len(numbers):
             return False
         self.database.add(numbers, results)
-        return self.tally.add(numbers, results["verdict"])
+        self._verdicts[np.asarray(numbers)] = [*map(VERDICTS.index, results["verdict"])]
+        self.progress(self.done / len(self._verdicts))
+        return self._is_enough
 
     def execute(self) -> None:
         """Execute the other missing runs one by one."""
         study = self.sent.study
-        missing = [] if self.tally.is_enough else self.tally.missing.tolist()
+        missing = [] if self._is_enough else self._missing.tolist()
         for result in self._results(missing, save_files=study.kept_files >= study.count):
             if self._store([result.number], {k: [value] for k, value in result.values.items()}):
                 return
