@@ -3,21 +3,21 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from datetime import UTC, datetime
 from itertools import compress
-from typing import Any
 
 import numpy as np
 
 from freefloat.concurrency import available_cores
 from freefloat.ensemble.disturbed_verdicts import ManyMotions
 from freefloat.ensemble.endings import DECIDERS
+from freefloat.ensemble.known_limits import LimitValues
 from freefloat.kinds import STUDY_COMMANDS, named
 from freefloat.limits.kinds import KINDS
 from freefloat.motion.motion import Ending
 from freefloat.robot.model import range_ratios
-from freefloat.so3 import Array, IntArray
+from freefloat.so3 import Array, BoolArray, IntArray
 from freefloat.studies.columns import (
     FEASIBLE,
     INFEASIBLE,
@@ -30,6 +30,7 @@ from freefloat.studies.columns import (
     UNCHECKED,
     Column,
     Columns,
+    family,
 )
 from freefloat.studies.disturbances import NO_ROWS, Chunk, group_numbers
 from freefloat.studies.groups import Group, grouped
@@ -43,12 +44,7 @@ _SLOW_CHUNK = 64
 
 
 def chunks(study: Study, missing: IntArray) -> Iterator[Chunk]:
-    """Yield the missing runs that are computed side by side, some at a time.
-
-    Args:
-        study: The study.
-        missing: Numbers of runs, ascending.
-    """
+    """Yield the missing runs, numbers ascending, that are computed side by side, some at a time."""
     if module := STUDY_COMMANDS.get(study.content.command):
         yield from named(f"{module}:chunks")(study, missing)
         return
@@ -65,10 +61,7 @@ def chunks(study: Study, missing: IntArray) -> Iterator[Chunk]:
 def computed(study: PortableStudy, chunk: Chunk, threads: int | None = None) -> Columns:
     """Compute the runs of a chunk; return the rows of the runs that are decided.
 
-    Args:
-        study: The study.
-        chunk: The runs.
-        threads: Number of threads; default is one per core.
+    By default there is a thread for each core.
     """
     if module := STUDY_COMMANDS.get(study.study.content.command):
         columns: Columns = named(f"{module}:computed")(study, chunk, threads)
@@ -79,20 +72,24 @@ def computed(study: PortableStudy, chunk: Chunk, threads: int | None = None) -> 
     began, begin = datetime.now(UTC).isoformat(timespec="milliseconds"), time.perf_counter()
     threads = threads or available_cores()
     numbers, motions = group.integrate(chunk.numbers, threads)
-    decided = np.flatnonzero(group.are_decided(motions))
+    decided = group.are_decided(motions)
     each = (time.perf_counter() - begin) * threads / len(chunk.numbers)  # of a core
-    columns = {NUMBER: numbers[decided], **_columns(group, motions, decided)}
-    return columns | {"seconds": np.full(len(decided), each), "began": [began] * len(decided)}
+    numbers, motions = numbers[decided], _selected(motions, decided)
+    columns = {NUMBER: numbers, **_columns(group, motions)}
+    return columns | {"seconds": np.full(len(numbers), each), "began": [began] * len(numbers)}
 
 
-def _columns(group: Group, motions: ManyMotions, decided: IntArray) -> dict[str, Column]:
+def _selected(motions: ManyMotions, chosen: BoolArray) -> ManyMotions:
+    arrays = {name: array[chosen] for name, array in vars(motions).items() if name != "limits"}
+    limits = LimitValues._make(array[chosen] for array in motions.limits)
+    return ManyMotions(**arrays, limits=limits)
+
+
+def _columns(group: Group, motions: ManyMotions) -> dict[str, Column]:
     """Results of decided motions by column."""
-    margin_kept, completed, singular = (
-        values[decided] for values in (motions.feasible, motions.completed, motions.singular)
-    )
-    feasible = group.are_feasible(motions)[decided]
+    feasible, completed = group.are_feasible(motions), motions.completed
     reasons = np.where(completed, MARGIN_REASON, Ending.SINGULAR.value)
-    ratios = np.where(completed[:, None], motions.limits.ratios[decided], np.nan)
+    ratios = np.where(completed[:, None], motions.limits.ratios, np.nan)
     violated = ratios > 1.0
     codes = violated @ (1 << np.arange(len(group.limit_names)))
     _, first, which = np.unique(codes, return_index=True, return_inverse=True)
@@ -100,68 +97,65 @@ def _columns(group: Group, motions: ManyMotions, decided: IntArray) -> dict[str,
     sets = (sorted(compress(group.limit_names, row), key=order.index)
             for row in violated[first].tolist())  # fmt: skip
     limits = np.array([LIMITS_REASON.format(", ".join(names)) for names in sets])
-    reasons = np.where(margin_kept, limits[which], reasons)
-    attitudes, joints = motions.attitudes[decided], motions.joints[decided]
+    reasons = np.where(motions.feasible, limits[which], reasons)
     columns: dict[str, Column] = {
         "verdict": np.where(feasible, FEASIBLE, INFEASIBLE),
         "reason": np.where(feasible, "", reasons),
-        "measure": [group.problem.margin.measure.name] * len(decided),
-        "margin": motions.minimum_margins[decided],
-        "margin_time": motions.minimum_times[decided],
-        "margin_required": motions.thresholds[decided],
+        "measure": [group.problem.margin.measure.name] * len(motions),
+        "margin": motions.minimum_margins,
+        "margin_time": motions.minimum_times,
+        "margin_required": motions.thresholds,
         "completed": completed,
-        "singular_time": np.where(singular, motions.ended_at[decided], np.nan),
-        "branch": motions.branches[decided],
-        **{f"attitude.{axis}": column for axis, column in zip("xyzw", attitudes.T, strict=True)},
-        **{f"joints.{index}": column for index, column in enumerate(joints.T)},
-        "decided_by": np.array(DECIDERS)[motions.deciders[decided]],
+        "singular_time": np.where(motions.singular, motions.ended_at, np.nan),
+        "branch": motions.branches,
+        **family("attitude", dict(zip("xyzw", motions.attitudes.T, strict=True))),
+        **family("joints", dict(enumerate(motions.joints.T))),
+        "decided_by": np.array(DECIDERS)[motions.deciders],
     }
-    columns |= _extremes(group, motions, decided) | _limiting(group, motions, decided)
+    columns |= _extremes(group, motions) | _limiting(group, motions)
     if group.problem.has_headings:
-        plane = group.problem.plane
-        columns["heading_deg"] = np.degrees([plane.heading(attitude) for attitude in attitudes])
+        headings = map(group.problem.plane.heading, motions.attitudes)
+        columns["heading_deg"] = np.degrees([*headings])
     if group.study.contact_unchecked is not None:
-        columns["contact"] = [UNCHECKED] * len(decided)
+        columns["contact"] = [UNCHECKED] * len(motions)
     if group.limit_names:
-        names = [f"limits.{name}" for name in group.limit_names]
-        kept, known = (values[decided].tolist() for values in group.keep_limits(motions))
+        kept, known = (values.tolist() for values in group.keep_limits(motions))
         columns["limits_kept"] = [
             one if certain else None for one, certain in zip(kept, known, strict=True)
         ]
-        columns |= dict(zip(names, ratios.T, strict=True))
+        columns |= family("limits", dict(zip(group.limit_names, ratios.T, strict=True)))
     return columns
 
 
-def _extremes(group: Group, motions: ManyMotions, decided: IntArray) -> dict[str, Column]:
+def _extremes(group: Group, motions: ManyMotions) -> dict[str, Column]:
     """Final attitudes, and largest rates, turns and range ratios of motions that complete."""
-    completed = motions.completed[decided]
 
     def of_completed(values: Array) -> Array:
-        return np.where(completed, values[decided].T, np.nan)
+        return np.where(motions.completed, values.T, np.nan)
 
     ranges = group.problem.model.joint_ranges
     bounded = np.flatnonzero(np.isfinite(ranges).any(axis=0))
     used = np.maximum(*range_ratios(ranges, motions.lower, motions.upper))
-    families: dict[str, Iterable[tuple[Any, Array]]] = {
-        "final_attitude": zip("xyzw", motions.final_attitudes[decided].T, strict=True),
-        "joint_rates": enumerate(of_completed(motions.rates)),
-        "range_ratios": zip(bounded, of_completed(used)[bounded], strict=True),
+    used = of_completed(used)
+    return {
+        "base_rate": of_completed(motions.base_rates),
+        "base_turn_deg": np.degrees(of_completed(motions.turns)),
+        **family("final_attitude", dict(zip("xyzw", motions.final_attitudes.T, strict=True))),
+        **family("joint_rates", dict(enumerate(of_completed(motions.rates)))),
+        **family("range_ratios", {joint: used[joint] for joint in bounded}),
     }
-    named = {f"{name}.{k}": column for name, columns in families.items() for k, column in columns}
-    turns = np.degrees(of_completed(motions.turns))
-    return {"base_rate": of_completed(motions.base_rates), "base_turn_deg": turns, **named}
 
 
-def _limiting(group: Group, motions: ManyMotions, decided: IntArray) -> dict[str, Column]:
+def _limiting(group: Group, motions: ManyMotions) -> dict[str, Column]:
     """What is nearest to its bound along each motion, or farthest beyond it, and when."""
     with np.errstate(divide="ignore", invalid="ignore"):
-        margin = (motions.thresholds / motions.minimum_margins)[decided, None]
+        margin = (motions.thresholds / motions.minimum_margins)[:, None]
     limits = motions.limits
-    ratios = np.hstack([margin, limits.ratios[decided]])
-    times = np.hstack([motions.minimum_times[decided, None], limits.times[decided]])
-    places = np.hstack([np.zeros((len(decided), 1), int), limits.places[decided]])
+    ratios = np.hstack([margin, limits.ratios])
+    times = np.hstack([motions.minimum_times[:, None], limits.times])
+    places = np.hstack([np.zeros((len(motions), 1), int), limits.places])
     largest = np.where(np.isnan(ratios), -np.inf, ratios).argmax(axis=1)
-    rows = np.arange(len(decided))
+    rows = np.arange(len(motions))
     names = [[MARGIN_LIMITS]] + [
         [LIMITING.format(name, place) for place in of_limit]
         for name, of_limit in zip(group.limit_names, group.limit_places, strict=True)
@@ -170,8 +164,7 @@ def _limiting(group: Group, motions: ManyMotions, decided: IntArray) -> dict[str
         names[limit][place]
         for limit, place in zip(largest.tolist(), places[rows, largest].tolist(), strict=True)
     ]
-    singular = motions.singular[decided]
     return {
-        "limiting": np.where(singular, SINGULARITY_LIMITS, limiting).tolist(),
-        "limiting_time": np.where(singular, motions.ended_at[decided], times[rows, largest]),
+        "limiting": np.where(motions.singular, SINGULARITY_LIMITS, limiting).tolist(),
+        "limiting_time": np.where(motions.singular, motions.ended_at, times[rows, largest]),
     }
