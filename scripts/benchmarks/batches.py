@@ -25,7 +25,7 @@ from freefloat.ensemble.robots import Robots
 from freefloat.ensemble.systems import Systems
 from freefloat.limits.pairs import CollisionPairs
 from freefloat.robot.named_files import find_scenario, find_study
-from freefloat.studies.folder import DATABASE
+from freefloat.studies.database import DATABASE
 from freefloat.studies.rows import StudyRows
 
 STUDY = "spatial_6dof/montecarlo"

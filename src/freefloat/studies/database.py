@@ -1,4 +1,4 @@
-"""The database of a study: its state, a row for each finished run."""
+"""The folder of a study, and its database: its state, a row for each finished run."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import logging
 import os
 import sqlite3
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, closing, contextmanager
+from contextlib import ExitStack, closing, contextmanager, suppress
 from hashlib import sha256
 from importlib.metadata import version
 from pathlib import Path
@@ -16,6 +16,7 @@ import numpy as np
 
 from freefloat.concurrency import Progress
 from freefloat.errors import InputError
+from freefloat.io.files import RESULT, file_errors, make_folder, require_replaceable
 from freefloat.studies.columns import (
     BOOLEAN,
     FAMILIES,
@@ -30,7 +31,6 @@ from freefloat.studies.columns import (
     Columns,
     result_type,
 )
-from freefloat.studies.folder import DATABASE, FILES, locked, prepare_folder
 from freefloat.studies.integrity import (
     ADDED,
     DIGESTS,
@@ -40,22 +40,29 @@ from freefloat.studies.integrity import (
     require_whole,
     rows_of_study,
 )
-from freefloat.studies.rows import StudyRows, database_errors, quoted
+from freefloat.studies.rows import CSV, FILES, PARQUET, WRITABLE, StudyRows, database_errors, quoted
 from freefloat.studies.study import Study
 from freefloat.studies.workers import Files, study_files
 
+DATABASE, LOCK = "study.sqlite", "study.lock"
+"""Names of the database, and of the lock while the study runs."""
+REPORT, FIGURE = "report.html", "summary"
+"""Names of the report, and of its figure without a suffix."""
+_OUTPUTS = (f"{DATABASE}*", f"{LOCK}*", PARQUET, CSV, REPORT, f"{FIGURE}.*")
+"""Patterns of the names of files in the folder."""
+_KINDS = {
+    PARQUET: "parquet", CSV: "table of runs", REPORT: "page",
+    f"{FIGURE}.png": "png", f"{FIGURE}.pdf": "pdf",
+}  # fmt: skip
+"""Kinds of the files that a study replaces."""
+_NO_LINK = "no link, whose file would be overwritten; or another folder"
 _SOFTWARE = ("freefloat", "pin", "numpy", "scipy", "numba")
 _FORMAT = 4
 """Number of the format of the database."""
 
 
 class StudyDatabase:
-    """The open database of a study: a committed row is a finished run.
-
-    Attributes:
-        folder: Folder of the study.
-        rows: The finished runs by number.
-    """
+    """The open database of a study in its folder: a committed row is a finished run."""
 
     def __init__(self, folder: Path, study: Study, connection: sqlite3.Connection) -> None:
         self.folder = folder
@@ -132,21 +139,17 @@ def open_results(
     """Open the database of a study; a new folder gets a new database.
 
     This process alone writes to it; others may read it meanwhile. Rows whose digest is wrong are
-    removed with a warning: their runs count as not finished.
-
-    Args:
-        folder: Folder of the study.
-        study: The study.
-        files: What its scenarios name by relative paths.
-        progress: Called with the fraction of the rows that are compared with their digests.
+    removed with a warning: their runs count as not finished. The files are what the scenarios of
+    the study name by relative paths; the progress is the fraction of the rows that are compared
+    with their digests.
 
     Raises:
         InputError: If the folder cannot be written to, is in use, holds another study or links, or
             its database is damaged as a whole.
     """
-    prepare_folder(folder)
+    _prepare_folder(folder)
     with ExitStack() as stack:
-        stack.enter_context(locked(folder))
+        stack.enter_context(_locked(folder))
         with database_errors(folder / DATABASE):
             connection = stack.enter_context(closing(sqlite3.connect(folder / DATABASE)))
             connection.execute("PRAGMA journal_mode = WAL")  # readers do not block the writer
@@ -225,3 +228,60 @@ def _content(study: Study, files: Files) -> tuple[str, str]:
 def _seal(row: Sequence[str]) -> str:
     """The digest of the one row of the table study."""
     return sha256(json.dumps(list(row)).encode()).hexdigest()
+
+
+def _prepare_folder(folder: Path) -> None:
+    """Make the folder of a study, unless it exists.
+
+    Raises:
+        InputError: If it cannot be written to, or a link or anything else is in the place of one of
+            its files: what a link leads to would be overwritten.
+    """
+    make_folder("output", folder)
+    cases = folder / FILES
+    with file_errors("output", folder, WRITABLE):
+        places = [(path, path.is_file()) for name in _OUTPUTS for path in folder.glob(name)]
+        for path, usable in [(cases, cases.is_dir()), *places]:
+            if path.is_symlink():
+                raise InputError("output", f"{path} is a link", _NO_LINK)
+            # opening a named pipe would wait for ever; SQLite deletes files of its own meanwhile
+            if not usable and os.path.lexists(path):
+                raise InputError("output", f"{path} is not a regular file", "another folder")
+        if not (folder / DATABASE).exists():  # it is no folder of a study so far
+            kinds = {folder / name: kind for name, kind in _KINDS.items()}
+            for path, kind in (kinds | dict.fromkeys(cases.glob("*.h5"), RESULT)).items():
+                require_replaceable("output", path, kind)
+        if cases.is_dir():
+            with os.scandir(cases) as files:
+                for file in files:
+                    if file.is_symlink():
+                        raise InputError("output", f"{file.path} is a link", _NO_LINK)
+
+
+@contextmanager
+def _locked(folder: Path) -> Iterator[None]:
+    """Keep other processes out; the lock, a transaction, ends with the process, however it ends.
+
+    Raises:
+        InputError: If another process holds the lock, or its file is damaged.
+    """
+    path = folder / LOCK
+    with ExitStack() as stack:
+        try:
+            lock = stack.enter_context(closing(sqlite3.connect(path, timeout=0.5)))
+            lock.execute("BEGIN EXCLUSIVE")
+        except sqlite3.Error as error:
+            problem, accepted = f"{path}: {error}", "a writable folder"
+            if error.sqlite_errorname.startswith("SQLITE_BUSY"):
+                problem = f"{folder}: another process is running this study"
+                accepted = "another folder"
+            elif error.sqlite_errorname in ("SQLITE_NOTADB", "SQLITE_CORRUPT"):
+                accepted = f"no such file, while no other process runs the study: rm {path}"
+            raise InputError("output", problem, accepted) from None
+        stack.callback(_remove, path)
+        yield
+
+
+def _remove(path: Path) -> None:
+    with suppress(OSError):  # an open file cannot be removed everywhere
+        path.unlink()

@@ -13,9 +13,8 @@ import numpy as np
 from freefloat.concurrency import available_cores
 from freefloat.so3 import IntArray
 from freefloat.studies.columns import ERROR, NUMBER, Columns, finite
-from freefloat.studies.database import open_results
+from freefloat.studies.database import DATABASE, open_results
 from freefloat.studies.disturbances import FEWEST, Chunk, group_numbers, why_alone
-from freefloat.studies.folder import DATABASE
 from freefloat.studies.run import RunResult, execute
 from freefloat.studies.runner import has_undisturbed_file, require_usable
 from freefloat.studies.study import Study
@@ -32,17 +31,10 @@ _TIMED_RUNS, _ENOUGH = 5, 2.0
 class StudyEstimate:
     """Runs of a study and the expected duration of the runs that are not finished.
 
-    Attributes:
-        study: The study.
-        finished: Numbers of the finished runs.
-        workers: Number of workers; None for the workers of a scheduler.
-        run_seconds: Expected time of a run on a core [s]; None if no run could be timed.
-        files: Number of result files that are written after the runs.
-        file_seconds: Expected time of such a file on a core [s].
-        start_seconds: Expected time until kernels and robot are loaded [s].
-        seconds: Expected duration of the study [s]; with a scheduler on one worker; None if no run
-            could be timed.
-        basis: What was timed, or why there is no estimate.
+    Expected times [s] of a run and of a result file are of a core, ``start_seconds`` is the time
+    until kernels and robot are loaded, and ``seconds`` the duration of the study, with a scheduler
+    on one worker: its ``workers`` are None. Times are None if no run could be timed; ``basis`` is
+    what was timed, or why there is no estimate.
     """
 
     study: Study
@@ -102,11 +94,7 @@ def estimate_study(
 ) -> StudyEstimate:
     """Estimate how long a study will take, by a few of its runs and result files.
 
-    Args:
-        study: The study.
-        folder: Folder with finished runs.
-        workers: Number of processes on this machine; default is one per core.
-        scheduler: Address of a Dask scheduler whose workers are used instead.
+    Arguments are as of :func:`.runner.run_study`; the folder may have finished runs.
 
     Raises:
         InputError: As :func:`.runner.run_study`.
@@ -145,12 +133,9 @@ def estimate_study(
 
 
 class _Timed(NamedTuple):
-    """Some runs that were timed.
+    """Some runs that were timed: the time of each on a core and the time before the first [s].
 
-    Attributes:
-        each: Time of a run on a core [s], NaN if all are errors.
-        start: Time before the first [s].
-        basis: What was timed, or why nothing was.
+    The first is NaN if all runs are errors. The basis is what was timed, or why nothing was.
     """
 
     each: float = 0.0

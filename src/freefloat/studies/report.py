@@ -20,7 +20,7 @@ from freefloat.errors import FreeFloatError
 from freefloat.io.files import written_beside
 from freefloat.so3 import Array
 from freefloat.studies.columns import ERROR, FOUND, NUMBER, result_name
-from freefloat.studies.folder import FIGURE, REPORT
+from freefloat.studies.database import FIGURE, REPORT
 from freefloat.studies.results import PERCENTILES, StudyResult
 from freefloat.studies.rows import StudyRows, quoted
 from freefloat.studies.study_file import heading, readable_name
@@ -39,10 +39,6 @@ _MAX_LISTED = 1000
 
 def save_report(result: StudyResult, progress: Progress = lambda done: None) -> dict[str, Path]:
     """Write the figure and the report of a study; return the files by kind.
-
-    Args:
-        result: Results of the study.
-        progress: Called with the fraction done.
 
     Raises:
         InputError: If they cannot be written.
@@ -121,11 +117,8 @@ def _page(
 def _listed(result: StudyResult, names: Mapping[str, str]) -> dict[str, Any]:
     """The runs in columns that are neither empty nor the same in all, as many as fit on a page.
 
-    Errors come first, then infeasible runs, then the smallest margins.
-
-    Args:
-        result: Results of the study.
-        names: Headings of its columns, in the order in which they are listed.
+    Errors come first, then infeasible runs, then the smallest margins. The names are headings of
+    columns in the order in which they are listed.
 
     Returns:
         The headings, the number of the run first; file, verdict and cells of each run; what is left

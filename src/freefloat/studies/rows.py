@@ -28,8 +28,10 @@ from freefloat.studies.columns import (
     TEXT,
     in_order,
 )
-from freefloat.studies.folder import CSV, PARQUET, WRITABLE
 
+PARQUET, CSV, FILES = "cases.parquet", "cases.csv", "cases"
+"""Names of the tables and of the folder of result files, in the folder of a study."""
+WRITABLE = "a writable folder with space"
 _OF_FILE_SYSTEM = (
     "SQLITE_FULL", "SQLITE_IOERR", "SQLITE_READONLY", "SQLITE_CANTOPEN", "SQLITE_PERM",
 )  # fmt: skip
@@ -51,12 +53,7 @@ class StudyRows:
     """
 
     def __init__(self, file: Path, parameters: Sequence[str]) -> None:
-        """The rows of a database, which may grow meanwhile.
-
-        Args:
-            file: The database.
-            parameters: Columns of the varied keys.
-        """
+        """The rows of a database, which may grow meanwhile, with these columns of varied keys."""
         self._file = file
         self.parameters = tuple(parameters)
 
@@ -142,12 +139,8 @@ def save_tables(
 ) -> dict[str, Path | None]:
     """Write the rows in two formats; return the files by kind, None for one not written.
 
-    The Parquet table, the one with types, needs PyArrow (the extra ``parquet``).
-
-    Args:
-        folder: The folder.
-        rows: The rows.
-        progress: Called with the fraction of the rows that are written as CSV.
+    The Parquet table, the one with types, needs PyArrow (the extra ``parquet``). The progress is
+    the fraction of the rows that are written as CSV.
 
     Raises:
         InputError: If they cannot be written.

@@ -38,7 +38,7 @@ from freefloat.studies.columns import (
     family,
     finite,
 )
-from freefloat.studies.folder import FILES, WRITABLE
+from freefloat.studies.rows import FILES, WRITABLE
 from freefloat.studies.study import UNDISTURBED, Study
 from freefloat.studies.study_file import Command, initial_attitude
 from freefloat.studies.variation import error_of_study, scenario_from
@@ -54,13 +54,7 @@ if TYPE_CHECKING:  # records of commands that few studies have
 
 @dataclass(frozen=True, eq=False)
 class RunResult:
-    """Outcome of a run.
-
-    Attributes:
-        number: Number of the run.
-        values: Results of the run by column.
-        content: Bytes of its result file.
-    """
+    """Outcome of a run: its results by column, and the bytes of its result file."""
 
     number: int
     values: dict[str, Any]
@@ -95,10 +89,7 @@ def error_values(error: BaseException | str) -> dict[str, Any]:
 def execute(study: PortableStudy, number: int, save_file: bool = False) -> RunResult:
     """Execute a run on one core; any error becomes its result.
 
-    Args:
-        study: The study.
-        number: Number of the run, or the number of the undisturbed simulation.
-        save_file: Whether to return the result file.
+    The undisturbed simulation has a number, too. The result file is returned if it is to be saved.
     """
     began = datetime.now(UTC).isoformat(timespec="milliseconds")
     begin, content = time.perf_counter(), None
@@ -137,13 +128,10 @@ def _computed(study: Study, number: int) -> tuple[dict[str, Any], Any]:
 def computed_record(
     command: Command, source: Path, *, document: dict[str, Any], start: dict[str, Any]
 ) -> Any:
-    """The map, the simulation, or what ``plan`` finds for a scenario.
+    """The map, the simulation, or what ``plan`` finds for the data of a scenario.
 
-    Args:
-        command: The command to execute.
-        source: The scenario's file, for relative paths.
-        document: Data of the scenario.
-        start: Start of a simulation, see :meth:`.study.Study.start`.
+    The source is the scenario's file, for relative paths; the start is the start of a simulation,
+    see :meth:`.study.Study.start`.
     """
     scenario = scenario_from(document, source)
     if command is Command.PLAN:

@@ -20,9 +20,8 @@ from freefloat.errors import InputError, finite_number, require_extra, require_t
 from freefloat.so3 import IntArray
 from freefloat.statistics import confidence_interval
 from freefloat.studies.columns import NUMBER, VERDICTS, Column, Columns
-from freefloat.studies.database import StudyDatabase, open_results
+from freefloat.studies.database import DATABASE, REPORT, StudyDatabase, open_results
 from freefloat.studies.disturbances import group_numbers
-from freefloat.studies.folder import DATABASE, REPORT
 from freefloat.studies.results import StudyResult
 from freefloat.studies.rows import save_tables
 from freefloat.studies.study import UNDISTURBED, Study
