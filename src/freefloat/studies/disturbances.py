@@ -44,12 +44,7 @@ _LEVEL = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Chunk:
-    """Runs that are integrated together.
-
-    Attributes:
-        first: Number of the first run of their group.
-        numbers: Numbers of the runs, ascending.
-    """
+    """Runs that are integrated together, numbers ascending, and the first run of their group."""
 
     first: int
     numbers: IntArray
@@ -63,9 +58,7 @@ def is_bound(key: str) -> bool:
 def fits_ensembles(key: str, listed: Mapping[str, Sequence[Any]]) -> bool:
     """Whether runs that differ in a key are motions of one ensemble.
 
-    Args:
-        key: The key.
-        listed: Listed values by key; bounds of limits are numbers, not words or maps.
+    Of bounds of limits all listed values must be numbers, not words or maps.
     """
     if is_bound(key):
         return bool(np.isfinite(as_numbers(listed.get(key, []), ())).all())
@@ -115,15 +108,11 @@ def selected(values: Values, places: IntArray) -> Values:
 def arrays_of(values: Values, problem: Problem, count: int) -> tuple[dict[str, Array], BoolArray]:
     """The values of ``count`` runs, and which runs' values an ensemble can represent.
 
-    Args:
-        values: Values by key, as :meth:`.variation.Variation.values` returns them.
-        problem: What holds where a key does not vary.
-        count: Number of runs.
+    What holds where a key does not vary is the problem's.
 
     Returns:
-        Arrays by argument of :func:`~freefloat.ensemble.simulate_many.simulate_many`, shape
-        (K,) or (K, 3), and ``attitudes`` (K, 4) where the start varies; and whether a run fits,
-        shape (K,).
+        Arrays by argument of :func:`~freefloat.ensemble.simulate_many.simulate_many`, shape (K,) or
+        (K, 3), and ``attitudes`` (K, 4) where the start varies; and whether a run fits, shape (K,).
     """
     nominal = {
         "momenta": problem.momentum,
@@ -235,10 +224,7 @@ def bound_ratios(
 ) -> tuple[dict[str, Array], BoolArray]:
     """Nominal bounds over the bounds of runs by key, and whether all bounds of a run are accepted.
 
-    Args:
-        values: Values by key.
-        nominal: Nominal values of the keys of bounds that vary.
-        count: Number of runs.
+    Nominal are the problem's values of the keys of bounds that vary.
     """
     ratios, fits = dict[str, Array](), np.ones(count, dtype=bool)
     for key, value in nominal.items():
@@ -257,10 +243,8 @@ def limit_scales(
 ) -> Array | None:
     """Factors on the ratios of Q quantities of limits, shape (K, Q); None where none varies.
 
-    Args:
-        ratios: Nominal bounds over the bounds of K runs by key.
-        limits: Joints, or other names, of the quantities of each limit.
-        pointing: The limits of axes.
+    The ratios are nominal bounds over the bounds of K runs by key; of each limit the joints, or
+    other names, of its quantities are given, and the limits of axes.
     """
     if not ratios:
         return None

@@ -32,11 +32,8 @@ _SAME_NUMBER = 1e-9
 class Combination:
     """Results of the runs with the same listed values.
 
-    Attributes:
-        parameters: The listed values.
-        feasible: Number of feasible runs.
-        cases: Number of runs without error.
-        margin: Smallest margin; None if no run has one.
+    They are the numbers of feasible runs and of runs without error, and the smallest margin, None
+    if no run has one.
     """
 
     parameters: dict[str, Any] = field(hash=False)
