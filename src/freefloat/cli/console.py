@@ -41,9 +41,7 @@ ANY = "any"
 class Console:
     """Prints results as tables or, with ``--json``, as one JSON document.
 
-    Attributes:
-        as_json: Print the JSON document instead of tables.
-        quiet: Print neither tables nor progress.
+    With ``--quiet`` it prints neither tables nor progress.
     """
 
     as_json: bool

@@ -29,12 +29,8 @@ _PAGE = '<pre style="line-height: 1.3; white-space: pre; overflow-x: auto">{code
 class Delivery:
     """The console, and the files that a command is to write; None for those not wanted.
 
-    Attributes:
-        console: Where tables or the JSON document are printed.
-        output: Result file.
-        html: Page.
-        plots: Folder of figures.
-        threads: Number of cores that draw them; all when left out.
+    They are a result file, a page, and a folder of figures, which are drawn on so many threads, by
+    default on all cores.
     """
 
     console: Console
@@ -56,11 +52,8 @@ class Delivery:
     ) -> None:
         """Print a result and write its files.
 
-        Args:
-            result: The result.
-            tables: Tables and lines of the result.
-            name: Title of the page without a result file.
-            document: JSON document that is printed; by default the result's own.
+        The name is the title of a page without a result file. The document is printed as JSON; by
+        default it is the result's own.
         """
         document = result.to_dict() if document is None else document
         self.console.tables(_not_read(name, result))

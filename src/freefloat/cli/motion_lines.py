@@ -35,11 +35,7 @@ def search_lines(search: Search) -> Iterator[str]:
 
 
 def attitude_text(attitude: Array) -> str:
-    """A quaternion, and its axis and angle: ``1.00000 0.00000 0.00000 0.00000 (180 deg about x)``.
-
-    Args:
-        attitude: Unit quaternion x, y, z, w, shape (4,).
-    """
+    """A quaternion, axis and angle: ``1.00000 0.00000 0.00000 0.00000 (180 deg about x)``."""
     import numpy as np
 
     from freefloat.so3 import UPRIGHT, rotation_vector_to
@@ -61,10 +57,8 @@ def attitude_text(attitude: Array) -> str:
 def present_lines(problem: Problem, attitude: Array | None, joints: Any) -> Iterator[str]:
     """What a task does not use of its path, and how far this begins from the present pose.
 
-    Args:
-        problem: The problem of the path.
-        attitude: Present attitude, shape (4,); None where it is not known.
-        joints: Present joints, by name or shape (n,), likewise.
+    Present are attitude, shape (4,), and joints, by name or shape (n,); None where they are not
+    known.
     """
     from freefloat.motion.residuals import start_offset
     from freefloat.paths.orientation import FreeOrientation

@@ -80,11 +80,8 @@ def plan(
 def plan_tables(name: str, plan: Plan, verbose: bool) -> Iterator[RenderableType]:
     """The feasible attitudes, the chosen one, its tolerances, motion and limits.
 
-    Args:
-        name: Name of the scenario.
-        plan: The plan.
-        verbose: Whether every range, segment and touch point, the last state, residuals and a table
-            of the limits are shown, too.
+    ``verbose`` also shows every range, segment and touch point, the last state, residuals and a
+    table of the limits.
     """
     other = "other " if _limits_attitude(plan) else ""
     scope = f" ({other}limits not considered)" if plan.limit_results else ""

@@ -65,14 +65,9 @@ class FileOptions:
 
 @dataclass(frozen=True, eq=False)
 class LoadedRobot:
-    """The robot of a scenario or a URDF.
+    """The robot of a scenario or a URDF, and the warnings of its file.
 
-    Attributes:
-        model: The robot.
-        task: The scenario's task, or one with as many rows as the arm can do.
-        measure: The measure of the scenario's margin, or ``gjm``.
-        diagnostics: Warnings of the URDF.
-        scenario: The scenario; None for a URDF.
+    Task and measure are the scenario's, or a task with as many rows as the arm can do and ``gjm``.
     """
 
     model: FreeFloatingModel

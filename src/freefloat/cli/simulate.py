@@ -115,12 +115,8 @@ def simulation_tables(
 ) -> Iterator[RenderableType]:
     """The arm branches, the motion that is shown, and its limits.
 
-    Args:
-        name: Name of the scenario.
-        simulation: The simulation.
-        verbose: Whether the last state and a table of the limits are shown, too.
-        why: Why this motion is shown.
-        present: Present joints, by name or shape (n,).
+    ``verbose`` also shows the last state, and a table of the limits. ``why`` says why this motion
+    is shown; ``present`` are joints, by name or shape (n,).
     """
     problem, chosen = simulation.problem, simulation.chosen
     start, kind = ("start", "configurations") if problem.redundant else ("branch", "branches")

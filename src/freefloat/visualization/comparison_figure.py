@@ -40,11 +40,8 @@ def comparison_figure(motions: Mapping[str, Motion]) -> Figure:
 
     Each quantity has one scale in all columns; motions with another measure or unit have their own.
 
-    Args:
-        motions: Two to four motions by title.
-
     Raises:
-        InputError: If there are more or fewer.
+        InputError: Unless there are two to four motions.
     """
     if not 2 <= len(motions) <= _MOST:
         problem = f"{len(motions)} motions cannot be compared in one figure"

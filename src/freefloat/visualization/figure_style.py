@@ -93,11 +93,7 @@ Drawings = dict[str, Callable[[], Figure]]
 
 
 class Figures(Mapping[str, Figure]):
-    """Figures by name, drawn when they are asked for; a notebook shows one below the other.
-
-    Attributes:
-        drawings: Functions that draw the figures, by name.
-    """
+    """Figures by name, drawn when they are asked for; a notebook shows one below the other."""
 
     def __init__(self, drawings: Drawings) -> None:
         self.drawings = drawings
@@ -200,17 +196,13 @@ def save_figures(
     kinds: Sequence[str] = ("pdf", "png"),
     dots: float = 300.0,
 ) -> tuple[Path, ...]:
-    """Write figures and return the files.
+    """Write figures and return the files, which have the names of the figures.
 
-    Args:
-        folder: Output folder, created if missing.
-        figures: Figures by name; the names become file names.
-        kinds: File formats.
-        dots: Resolution of images [dots per inch].
+    The folder is created if it is missing; images have so many dots per inch.
 
     Raises:
-        InputError: If the folder cannot be created or written to, or a file of another kind has
-            the name of a figure.
+        InputError: If the folder cannot be created or written to, or a file of another kind has the
+            name of a figure.
     """
     make_folder("plots", Path(folder))
     files = {

@@ -46,12 +46,7 @@ _INSIDE, _AT_END = ("D", "touch point C"), ("s", "touch point E")
 
 @style.styled
 def slices_figure(result: AttitudeMap, slices: Sequence[Slice]) -> Figure:
-    """The figure of the best branch's minimum margin in slices, a row per mark.
-
-    Args:
-        result: Map with the measure and its range.
-        slices: Three slices per mark.
-    """
+    """The figure of the best branch's minimum margin in slices, a row of three per mark."""
     rows, redundant = len(slices) // 3, result.problem.redundant
     threshold = result.problem.margin.threshold
     figure = style.new_figure(style.PAGE, 0.75 + 2.2 * rows)
@@ -226,10 +221,9 @@ def _percentages(result: AttitudeMap, branch: int | None, values: Array) -> list
 
 @style.styled
 def touch_points_figure(result: AttitudeMap) -> Figure:
-    """The figure of S along the motions from a map's first attitudes that touch points yield.
+    """The figure of S along motions from the first attitudes of a map that touch points yield.
 
-    Args:
-        result: A map with touch points; as many are drawn as there are strokes.
+    As many motions are drawn as there are strokes.
     """
     problem = result.problem
     measure, threshold = problem.margin.measure, problem.margin.threshold

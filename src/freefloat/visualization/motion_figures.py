@@ -32,12 +32,7 @@ _STRIP, _AXIS = 1.15, 0.35
 
 
 def motion_figures(motion: Motion, closest: ClosestApproach) -> style.Figures:
-    """The figures of a motion: ``motion``, ``margin`` and ``momentum``.
-
-    Args:
-        motion: The motion.
-        closest: Closest approach of the motion to a singularity.
-    """
+    """The figures of a motion: ``motion``, ``margin`` and ``momentum``."""
     trajectory = Trajectory.of(motion, shown_times(motion))
     return style.Figures({
         "motion": partial(_motion_figure, motion, trajectory),
@@ -218,12 +213,7 @@ def _momentum_figure(motion: Motion) -> Figure:
 
 @style.styled
 def angles_figure(motion: Motion, limits: AttitudeLimits) -> Figure:
-    """The figure of limited angles over time, with an axes per limit.
-
-    Args:
-        motion: The motion.
-        limits: Limits of axes and of the spacecraft's turn, at least one.
-    """
+    """The figure of limited angles, at least one, over time, with an axes per limit."""
     figure = style.new_figure(style.COLUMN, _AXIS + _STRIP * limits.number)
     panels = figure.subplots(limits.number, 1, sharex=True, squeeze=False)[:, 0]
     times = shown_times(motion)

@@ -67,15 +67,10 @@ def take_pictures(
     progress: Progress | None = None,
     key: str = "snapshots",
 ) -> Generator[bytes]:
-    """Yield PNG pictures of a page at some times; close the iterator if it is not exhausted.
+    """Yield PNG pictures of a page at some times [s]; close the iterator if it is not exhausted.
 
-    Args:
-        html: Page, see :meth:`freefloat.visualization.page.playback.Playback.html`.
-        times: Times of the pictures [s].
-        size: Width and height [pixels].
-        scene: Title of the scene; the first by default.
-        progress: Called with the fraction done, in [0, 1].
-        key: Option named in errors.
+    The size is in pixels. The scene, by its title, is the first by default; the key is the option
+    named in errors.
 
     Raises:
         InputError: If Playwright or a browser is missing, or the page cannot be drawn.
@@ -133,16 +128,11 @@ def save_snapshots(
     scene: str | None = None,
     progress: Progress | None = None,
 ) -> list[Path]:
-    """Write pictures at evenly spaced times and return the files.
+    """Write so many pictures at evenly spaced times and return the files.
 
-    Args:
-        playback: Scene and page.
-        count: Number of pictures.
-        folder: Output folder, created if missing.
-        name: Prefix of the file names; number and time on the picture's clock follow.
-        size: Width and height [pixels].
-        scene: Title of the scene, or ``"side by side"``; the first by default.
-        progress: Called with the fraction done, in [0, 1].
+    The names of the files begin with the name; number and time on the picture's clock follow. The
+    folder is created if it is missing. Size and scene are as of :func:`take_pictures`; a scene may
+    be ``"side by side"``.
 
     Raises:
         InputError: If pictures cannot be taken or written.
@@ -175,12 +165,9 @@ def save_picture(
 
 @dataclass(frozen=True)
 class FrameTimes:
-    """Frame times of a video.
+    """Frame times of a video, since the beginning of the motion [s], and frames per second.
 
-    Attributes:
-        times: Times since the beginning of the motion [s].
-        rate: Frames per second.
-        speed: Seconds of the motion per second of the video.
+    The speed is in seconds of the motion per second of the video.
     """
 
     times: tuple[float, ...]
@@ -201,16 +188,10 @@ class FrameTimes:
 def frame_times(
     file: Path, duration: float, rate: float | None = None, speed: float | None = None
 ) -> FrameTimes:
-    """The frame times of a video, up to the end of the motion.
+    """The frame times of a video, up to the end of a motion with a duration [s].
 
-    The default speed is real time or, if the video would be longer than 15 s, the smallest of 2,
-    4, 5, 8, 10, 20, ... that makes it shorter.
-
-    Args:
-        file: Video file.
-        duration: Duration of the motion [s].
-        rate: Frames per second, 20 by default.
-        speed: Seconds of the motion per second of the video.
+    There are 20 frames per second by default. The default speed is real time or, if the video would
+    be longer than 15 s, the smallest of 2, 4, 5, 8, 10, 20, ... that makes it shorter.
 
     Raises:
         InputError: If a number is out of range, the file type is unknown, or ffmpeg is missing.
@@ -248,16 +229,10 @@ def save_video(
     scene: str | None = None,
     progress: Progress | None = None,
 ) -> FrameTimes:
-    """Write a video and return its frame times.
+    """Write a video and return its frame times, see :func:`frame_times`.
 
-    Args:
-        playback: Scene and page.
-        file: A ``.gif`` (repeats forever) or ``.mp4`` (H.264, needs ffmpeg) file.
-        rate: Frames per second, see :func:`frame_times`.
-        speed: Seconds of the motion per second of the video.
-        size: Width and height [pixels].
-        scene: Title of the scene, or ``"side by side"``; the first by default.
-        progress: Called with the fraction done, in [0, 1].
+    A ``.gif`` repeats forever, a ``.mp4`` (H.264) needs ffmpeg. Size and scene are as of
+    :func:`save_snapshots`.
 
     Raises:
         InputError: If pictures cannot be taken, the file cannot be written or ffmpeg fails.

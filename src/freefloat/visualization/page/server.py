@@ -24,14 +24,10 @@ _Bound = TypeVar("_Bound")
 
 
 def serve(html: str, port: int, ready: Callable[[str], object]) -> None:
-    """Serve a page to this machine until Ctrl-C or SIGTERM.
+    """Serve a page to this machine until Ctrl-C or SIGTERM, on a port as of :func:`first_free`.
 
-    Requests whose Host header names another host are refused (DNS rebinding).
-
-    Args:
-        html: The page.
-        port: Port, or the next free port if it is in use; zero for any free port.
-        ready: Called with the page's address when the server listens.
+    Requests whose Host header names another host are refused (DNS rebinding). When the server
+    listens, ``ready`` is called with the address of the page.
 
     Raises:
         InputError: If no port is free.
@@ -86,9 +82,7 @@ def local_hosts(port: int) -> tuple[str, str]:
 def first_free(port: int, bind: Callable[[int], _Bound]) -> _Bound:
     """Bind a port, or the next free one if it is in use; zero for any free port.
 
-    Args:
-        port: The port.
-        bind: Binds a port; raises OSError if it is in use.
+    ``bind`` raises OSError for a port that is in use.
 
     Raises:
         InputError: If no port is free.

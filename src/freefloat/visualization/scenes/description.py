@@ -21,15 +21,11 @@ _STOPS = 9
 
 @dataclass(frozen=True)
 class Label:
-    """A text at a point of the scene.
+    """A text at a point [m] of the scene, or in the frame of a node, which it moves with.
 
-    Attributes:
-        text: The text.
-        position: The point [m], in the frame of ``node``.
-        item: Item that the label is shown and hidden with.
-        since: Time from which on it is shown [s].
-        node: Path of a node that it moves with, below the path of the scene; empty for the scene.
-        colour: Colour of the text, in CSS; the page's colour if it is empty.
+    The node is a path below the path of the scene, empty for the scene. The text is shown and
+    hidden with an item, and from a time on [s]. The colour is one of CSS, the page's if it is
+    empty.
     """
 
     text: str
@@ -42,14 +38,11 @@ class Label:
 
 @dataclass(frozen=True)
 class Trail:
-    """Values at the key times of a motion.
+    """Values at the key times [s] of a motion, with magnitudes of the margin's measure.
 
-    Attributes:
-        times: Key times [s].
-        values: Magnitudes of the margin's measure.
-        fractions: Path parameters s; None where the joints are prescribed.
-        indices: Number of triangle indices of trails per segment.
-        joints: Name, whether it is prismatic, and values [rad or m] of each joint.
+    Fractions are path parameters s, None where the joints are prescribed. ``indices`` is the number
+    of triangle indices of trails per segment. Of each joint there are name, whether it is
+    prismatic, and values [rad or m].
     """
 
     times: list[float]
@@ -114,14 +107,10 @@ class Samples:
 
 @dataclass(frozen=True)
 class View:
-    """First view of a scene.
+    """First view of a scene, in the direction from the centre to the eye.
 
-    Attributes:
-        centre: Centre of a ball that contains the scene [m].
-        radius: Radius of that ball [m].
-        points: Points that the picture must contain [m].
-        direction: Direction from the centre to the eye.
-        flat: Whether the scene lies in the x-y plane.
+    Centre and radius are of a ball that contains the scene [m]; the picture must contain the points
+    [m]. A flat scene lies in the x-y plane.
     """
 
     centre: list[float]
@@ -135,11 +124,8 @@ class View:
 class MarginColours:
     """Scale from the margin (dark) to the largest value (bright); a single colour below.
 
-    Attributes:
-        margin: Measure and threshold.
-        largest: Value of the brightest colour.
-        used: Whether any value keeps the margin.
-        limited: Whether values are zero where a limit is violated.
+    ``used`` says whether any value keeps the margin, ``limited`` whether values are zero where a
+    limit is violated.
     """
 
     margin: Margin

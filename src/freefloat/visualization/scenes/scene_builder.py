@@ -41,13 +41,10 @@ Colour = Sequence[float]
 
 @dataclass(frozen=True, eq=False)
 class PageScene:
-    """MeshCat commands of a scene and its description for the page.
+    """MeshCat commands of a scene as MessagePack, and its description for the page.
 
-    Attributes:
-        objects: Commands that create the scene, as MessagePack.
-        copies: Pairs of paths; the second has the object of the first.
-        animation: Command with all tracks, as MessagePack; None without an animation.
-        description: Titles, labels, colour scale and first view, for the page.
+    The second path of a pair of copies has the object of the first. The animation is a command with
+    all tracks, None without any.
     """
 
     objects: tuple[bytes, ...]
@@ -70,11 +67,7 @@ class PageScene:
 
 
 class SceneBuilder:
-    """Collects MeshCat commands.
-
-    Attributes:
-        start: Time that is added to the times of the tracks that follow [s].
-    """
+    """Collects MeshCat commands; ``start`` is added to the times of the tracks that follow [s]."""
 
     def __init__(self) -> None:
         self.start = 0.0

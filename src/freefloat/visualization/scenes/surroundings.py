@@ -48,14 +48,9 @@ def body_visuals(number: int, body: SceneBody) -> Visuals:
 
 @dataclass(frozen=True, eq=False)
 class Surroundings:
-    """The scene at key times of a motion.
+    """The scene at key times of a motion [s], shape (K,), with the shapes of its bodies.
 
-    Attributes:
-        motion: The motion.
-        times: The key times [s], shape (K,).
-        poses: Frames of the bodies at these times.
-        corridor: Frames of the corridor at these times; None without one.
-        visuals: Shapes of the bodies.
+    The frames of bodies and corridor are at these times; the corridor is None without one.
     """
 
     motion: Motion

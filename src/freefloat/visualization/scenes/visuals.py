@@ -39,14 +39,11 @@ Shape = Box | Cylinder | Sphere | Mesh
 
 @dataclass(frozen=True, eq=False)
 class Visual:
-    """A shape of a link, as it is drawn.
+    """A shape of a link, as it is drawn, in one colour.
 
-    Attributes:
-        name: Name of the link, numbered where it has several shapes; unique in the robot.
-        body: The rigid body that it is part of: 0 is the spacecraft, k is moved by joint k.
-        placement: Frame of the shape in the body's joint frame.
-        shape: Geometry of the shape.
-        colour: Colour of the whole shape.
+    The name is the link's, numbered where it has several shapes, unique in the robot. The shape is
+    part of a rigid body, 0 is the spacecraft, k is moved by joint k, and placed in the body's joint
+    frame.
     """
 
     name: str
@@ -81,11 +78,9 @@ def tip_links(model: FreeFloatingModel) -> tuple[str, ...]:
 def view_direction(motions: Sequence[Array], others: Sequence[Array] = ()) -> Array:
     """The direction to the eye with the arms in front and the paths across the picture.
 
-    Bodies of the scene are beside the robots, neither before nor behind them.
-
-    Args:
-        motions: Positions of each motion, as of :func:`body_poses` [m], shape (K, n + 2, 3).
-        others: Places of bodies of the scene [m], shape (3,) each.
+    Positions of each motion are as of :func:`body_poses` [m], shape (K, n + 2, 3). Others, places
+    of bodies of the scene [m], shape (3,) each, are beside the robots, neither before nor behind
+    them.
     """
     arms = np.vstack([(bodies[:, 1:-1] - bodies[:, :1]).mean(axis=1) for bodies in motions])
     z = np.linspace(*_ELEVATIONS, _DIRECTIONS)
@@ -108,11 +103,9 @@ def view_direction(motions: Sequence[Array], others: Sequence[Array] = ()) -> Ar
 
 @dataclass(frozen=True, eq=False)
 class Visuals:
-    """Shapes of a robot, or of a body of the scene.
+    """Shapes of a robot, named after their links, or of a body of the scene.
 
-    Attributes:
-        shapes: Shapes, each fixed to a body; shapes of a robot are named after their links.
-        problems: Messages on visuals that cannot be drawn.
+    Problems are messages on visuals that cannot be drawn.
     """
 
     shapes: tuple[Visual, ...]
