@@ -9,6 +9,7 @@ from __future__ import annotations
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -243,3 +244,32 @@ def pin_configuration(model: pin.Model, joints: Mapping[str, float]) -> np.ndarr
         angle = [np.cos(value), np.sin(value)] if joint.nq == 2 else [value]
         q[joint.idx_q : joint.idx_q + joint.nq] = angle
     return q
+
+
+def pinocchio_jacobian(
+    model: pin.Model, frame: str, joints: Mapping[str, float], fixed: Mapping[str, float] = {}
+) -> np.ndarray:
+    """S* of a model on a free-flyer from Pinocchio's matrices; other joints are at neutral."""
+    data, q = model.createData(), pin_configuration(model, {**joints, **fixed})
+    J = pin.computeFrameJacobian(model, data, q, model.getFrameId(frame), pin.LOCAL_WORLD_ALIGNED)
+    A = pin.computeCentroidalMap(model, data, q)
+    columns = [model.joints[model.getJointId(name)].idx_v for name in joints]
+    return J[:, columns] - J[:, :6] @ np.linalg.solve(A[:, :6], A[:, columns])
+
+
+def assert_as_pinocchio_reads(
+    model: FreeFloatingModel, file: Path, rng: np.random.Generator
+) -> None:
+    """End-effector and inertia are those of what Pinocchio itself reads from a file."""
+    theirs, up = pin.buildModelFromUrdf(str(file), pin.JointModelFreeFlyer()), [0.0, 0.0, 0.0, 1.0]
+    data, joints = theirs.createData(), rng.uniform(-2.0, 2.0, model.dof)
+    q = pin_configuration(theirs, dict(zip(model.joint_names, joints, strict=True)))
+    pin.framesForwardKinematics(theirs, data, q)
+    placed = data.oMf[theirs.getFrameId(model.end_effector_link)]
+    pose = model.body_poses(up, joints)[0].inverse() @ model.end_effector_pose(up, joints)
+    np.testing.assert_allclose(pose.position, placed.translation, atol=1e-12)
+    np.testing.assert_allclose(pose.rotation, placed.rotation, atol=1e-12)
+    pin.ccrba(theirs, data, q, np.zeros(theirs.nv))
+    ours, configuration = model.scratch, model.configuration(up, joints)
+    pin.ccrba(model.pin_model, ours, configuration, np.zeros(model.pin_model.nv))
+    np.testing.assert_allclose(ours.Ig.inertia, data.Ig.inertia, rtol=1e-11)

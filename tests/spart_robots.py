@@ -1,6 +1,9 @@
 """Robots in the style of SPART's examples: no limits, massless roots, inertias of the plane."""
 
+from pathlib import Path
+
 import numpy as np
+import yaml
 
 from tests.robots import inertial_text, link_text
 
@@ -62,6 +65,13 @@ SCENARIO = {
     "margin": {"measure": "system", "value": 1e-3},
 }
 """What these robots can do."""
+
+
+def write_scenario(folder: Path, urdf: str, **robot: object) -> Path:
+    """Write what they can do with a robot, whose end-effector is ``tip``."""
+    section = {"urdf": urdf, "end_effector": "tip"} | robot
+    (folder / "s.yaml").write_text(yaml.safe_dump(SCENARIO | {"robot": section}))
+    return folder / "s.yaml"
 
 
 def scene(target: str = "") -> str:

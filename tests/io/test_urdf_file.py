@@ -16,7 +16,7 @@ from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.named_files import EXAMPLE, find_robot
 from freefloat.robot.parts import Mount, Payload, Spacecraft
 from tests import commands
-from tests.robot import test_mimic
+from tests.robot.test_model import with_gripper
 from tests.robots import inertial_text, joint_text, link_text
 
 UR5 = f"{EXAMPLE}ur5"
@@ -100,7 +100,7 @@ def test_meshes_are_found_wherever_the_file_is(copied: bool, tmp_path: Path) -> 
 
 
 def test_held_joints_and_what_mimics_them_are_written_as_fixed(tmp_path: Path) -> None:
-    (tmp_path / "arm.urdf").write_text(test_mimic.robot())
+    (tmp_path / "arm.urdf").write_text(with_gripper())
     section = {"urdf": "arm.urdf", "end_effector": "hand", "held": {"q2": 0.4, "left": -0.25}}
     document = assembled_parts(tmp_path, **section)
     whole = pin.buildModelFromUrdf(str(tmp_path / "out.urdf"), pin.JointModelFreeFlyer())

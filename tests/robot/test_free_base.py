@@ -76,23 +76,16 @@ UNUSED = {
     "an axis": ('<axis xyz="0 0 1"/>', "axis of joint virtual", ""),
     "a limit": ('<limit lower="-1" upper="1" velocity="0.3"/>', "limit of joint virtual", ""),
     "damping": ('<dynamics damping="2"/>', "dynamics of joint virtual", "damping"),
+    "an element of the world": ("<Inertial/>", "Inertial of link world", ""),
 }
 
 
 @pytest.mark.parametrize(("content", "element", "attribute"), UNUSED.values(), ids=UNUSED)
-def test_all_that_a_floating_joint_says_is_listed(content, element, attribute):
-    base = link_text("world") + FLOATING.replace("</joint>", f"{content}</joint>")
-    (entry,) = read_urdf(within(base)).not_read
+def test_what_a_floating_joint_and_its_world_say_is_listed(content, element, attribute):
+    base = link_text("world") + FLOATING
+    end = "</link>" if "world" in element else "</joint>"
+    (entry,) = read_urdf(within(base.replace(end, f"{content}{end}"))).not_read
     assert (entry.element, entry.attribute) == (element, attribute)
-
-
-def test_what_a_world_says_is_listed_and_its_errors_stay() -> None:
-    base = link_text("world", "<Inertial/>") + FLOATING
-    assert [entry.element for entry in read_urdf(within(base)).not_read] == [
-        "Inertial of link world"
-    ]
-    wrong = link_text("world") + FLOATING.replace('"0 0 0"', '"1 2 x"', 1)
-    assert error_key(read_urdf, within(wrong)) == "joint virtual"
 
 
 def test_an_arm_with_a_free_base_is_mounted_by_its_base() -> None:
@@ -133,6 +126,8 @@ MASSIVE = link_text("world", inertial_text(3.0, np.eye(3)))
 BALL = "<visual><geometry><sphere radius='1'/></geometry></visual>"
 REFUSED = {
     "a world with mass": (MASSIVE + FLOATING, "joint virtual"),
+    "a placement in words": (
+        link_text("world") + FLOATING.replace('"0 0 0"', '"1 2 x"', 1), "joint virtual"),
     "a world with shapes": (link_text("world", BALL) + FLOATING, "joint virtual"),
     "two floating joints": (
         link_text("world") + link_text("client") + FLOATING
@@ -181,11 +176,8 @@ def test_another_base_is_refused(base: str, element: str) -> None:
 
 def test_a_massless_shoulder_is_no_virtual_base() -> None:
     """An arm whose first two joints cross, on a massless link; its root has no mass, either."""
-    arm = (
-        robot()
-        .text.replace('<link name="bus">', '<link name="cross">')
-        .replace('parent link="bus"', 'parent link="cross"')
-    )
+    arm = robot().text.replace('<link name="bus">', '<link name="cross">')
+    arm = arm.replace('parent link="bus"', 'parent link="cross"')
     arm = re.sub(r'(<link name="cross">).*?(</link>)', r"\1\2", arm)
     shoulder = link_text("bus") + joint_text("yaw", "R", "bus", "cross")
     text = arm.replace("</robot>", f"{shoulder}</robot>")

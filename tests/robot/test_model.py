@@ -1,7 +1,11 @@
-"""A URDF as a drifting robot: which joints move, what is merged or fixed, what is refused."""
+"""A URDF as a drifting robot: which joints move, what is merged or fixed, what is refused.
+
+Joints that mimic others; arms without mass, on which the spacecraft does not react.
+"""
 
 import copy
 import pickle
+import re
 import sys
 from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
@@ -13,10 +17,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import freefloat as ff
-from freefloat.dynamics.momentum import momentum_map
+from freefloat.dynamics.momentum import end_effector_jacobian, momentum_map
+from freefloat.errors import ModelError
+from freefloat.robot.named_files import models_folder
 from freefloat.robot.validation import read_urdf
 from freefloat.rotations import rotation_matrix
 from tests.errors import error_key
+from tests.motions import from_here
 from tests.robots import (
     Robot,
     attitudes,
@@ -24,6 +31,7 @@ from tests.robots import (
     joint_text,
     link_text,
     pin_configuration,
+    pinocchio_jacobian,
     random_robot,
     robots,
 )
@@ -80,18 +88,6 @@ def test_a_frame_fixed_to_the_spacecraft_is_refused(frame: str) -> None:
     antenna = a_link("antenna") + joint_text("glue", "F", "bus", "antenna")
     text = ELBOW.replace("</robot>", antenna + "</robot>")
     assert error_key(ff.FreeFloatingModel.from_urdf, text, frame) == "end_effector"
-
-
-def test_fixed_joints_are_as_if_glued() -> None:
-    fixed = ff.FreeFloatingModel.from_urdf(ELBOW, "fore", fixed_joints={"hinge": 0.7})
-    glue = joint_text("hinge", "F", "bus", "mast", "-0.5 0 0", "0 0.7 0")
-    revolute = joint_text("hinge", "R", "bus", "mast", "-0.5 0 0", axis="0 1 0")
-    assert revolute in ELBOW
-    glued = ff.FreeFloatingModel.from_urdf(ELBOW.replace(revolute, glue), "fore")
-    q = [0.2, -1.0]
-    np.testing.assert_allclose(momentum_map(fixed, q), momentum_map(glued, q), atol=1e-12)
-    straight = ff.FreeFloatingModel.from_urdf(ELBOW, "fore")
-    assert np.abs(momentum_map(fixed, q) - momentum_map(straight, q)).max() > 0.1
 
 
 @pytest.mark.parametrize(("fixed", "key"), [
@@ -170,3 +166,99 @@ def test_threads_use_a_model_at_the_same_time() -> None:
             assert all(found == alone for found in pool.map(heights, range(8)))
     finally:
         sys.setswitchinterval(interval)
+
+
+BODY = inertial_text(5.0, np.diag([0.2, 0.3, 0.4]), "0.1 0.05 0.02")
+LINKS = ("bus", "upper", "lower", "hand", "left", "right", "tip")
+
+
+def with_gripper(lower: str = "", upper: str = "") -> str:
+    """An arm of three joints with a gripper: right follows left, its tip follows right."""
+    mimics = {"q1": upper, "q2": lower, "right": 'joint="left" multiplier="-2" offset="0.3"',
+              "tip": 'joint="right" offset="0.1"'}  # fmt: skip
+    table = (
+        ("q1", "R", "bus", "upper"), ("q2", "R", "upper", "lower"), ("q3", "R", "lower", "hand"),
+        ("left", "P", "hand", "left"), ("right", "P", "hand", "right"),
+        ("tip", "R", "right", "tip"),
+    )  # fmt: skip
+    joints = ""
+    for name, kind, *ends in table:
+        text = joint_text(name, kind, *ends, "0.5 0 0.1", axis="0 0.6 0.8")
+        mimic = f"<mimic {mimics[name]}/>" if mimics.get(name) else ""
+        joints += text.replace("</joint>", f"{mimic}</joint>")
+    links = "".join(link_text(name, BODY) for name in LINKS)
+    return f'<robot name="r">{links}{joints}</robot>'
+
+
+@pytest.mark.parametrize("left", [0.0, -0.25])
+def test_a_held_gripper_follows_its_driver(left: float) -> None:
+    model = ff.FreeFloatingModel.from_urdf(with_gripper(), "hand", fixed_joints={"left": left})
+    reference = pin.buildModelFromXML(with_gripper(), pin.JointModelFreeFlyer())
+    q, right = {"q1": 0.3, "q2": -0.7, "q3": 0.5}, -2.0 * left + 0.3
+    fixed = {"left": left, "right": right, "tip": right + 0.1}
+    S = pinocchio_jacobian(reference, "hand", q, fixed)
+    found = ff.generalized_jacobian(model, [*q.values()])
+    np.testing.assert_allclose(found, S, rtol=0.0, atol=1e-12)
+    assert not [entry for entry in model.not_read if "mimic" in entry.element]
+
+
+def test_followers_out_of_their_ranges_are_reported() -> None:
+    """Not the tip, which has a value by name; all ranges end at 4."""
+    fixed = {"left": -2, "tip": 0}
+    model = ff.FreeFloatingModel.from_urdf(with_gripper(), "hand", fixed_joints=fixed)
+    (warning,) = (entry for entry in model.warnings if "out of its range" in entry.problem)
+    assert (warning.element, "fixed at 4.3" in warning.problem) == ("joint right", True)
+
+
+def test_a_value_by_name_decouples() -> None:
+    model = ff.FreeFloatingModel.from_urdf(with_gripper(), "hand", fixed_joints={"right": 0.05})
+    (_, place), (_, tip) = model.link_places["right"], model.link_places["tip"]
+    np.testing.assert_allclose(place.position, [0.5, 0.03, 0.14])
+    turn = pin.log3(place.rotation.T @ tip.rotation)
+    np.testing.assert_allclose(turn, [0.0, 0.09, 0.12], rtol=0.0, atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("text", "joint", "leader"),
+    [(with_gripper(lower='joint="q1"'), "q2", "q1"),
+     (with_gripper(upper='joint="q3" multiplier="-1"'), "q1", "q3"),
+     (with_gripper().replace('joint="left" multi', 'joint="q2" multi'), "right", "q2")],
+)  # fmt: skip
+def test_joints_that_follow_moving_ones_are_refused(text: str, joint: str, leader: str) -> None:
+    with pytest.raises(ModelError, match=f"joint {joint}: it mimics {leader}, which moves"):
+        ff.FreeFloatingModel.from_urdf(text, "hand")
+    for fixed, moves in (({leader: 0.2}, False), ({joint: 0.1}, True)):
+        model = ff.FreeFloatingModel.from_urdf(text, "hand", fixed_joints=fixed)
+        assert (leader in model.joint_names) is moves
+        assert joint not in model.joint_names
+
+
+@pytest.fixture(scope="module")
+def massless() -> ff.FreeFloatingModel:
+    """The bundled arm with six joints, without mass, on a spacecraft."""
+    text = (models_folder() / "spatial_6dof" / "spatial_6dof.urdf").read_text()
+    arm = re.sub(r"<inertial>.*?</inertial>", "", text, flags=re.DOTALL)
+    spacecraft = ff.Spacecraft(mass=200.0, inertia=np.diag([30.0, 40.0, 50.0]))
+    return ff.FreeFloatingModel.from_urdf(arm, "end_effector", spacecraft=spacecraft)
+
+
+def test_an_arm_without_mass_moves_as_on_a_fixed_base_without_torques(massless) -> None:
+    joints = np.array([0.3, -0.8, 1.1, 0.4, 0.9, -0.2])
+    fixed_base = end_effector_jacobian(massless, joints)[:, 6:]
+    np.testing.assert_allclose(ff.generalized_jacobian(massless, joints), fixed_base, atol=1e-12)
+    attitude, step = np.array([0.0, 0.0, 0.0, 1.0]), [0.05, -0.1, 0.1]
+    problem = from_here(
+        massless, ff.Task.POSE, np.zeros(3), attitude, joints, step, np.zeros(3), ff.Timing(20.0)
+    )
+    limits = ff.Limits(joint_torque=np.full(6, 1.0))
+    simulation = ff.simulate(problem, attitude, joints=joints, limits=limits)
+    assert simulation.feasible
+    motion = simulation.chosen.motion
+    np.testing.assert_allclose(motion.attitudes, [attitude] * len(motion.times))
+    torque = next(entry for entry in simulation.limit_results if entry.limit == "joint_torque")
+    assert torque.worst == 0.0
+
+
+def test_the_kinetic_energy_is_no_metric_of_a_massless_arm(massless) -> None:
+    energy = ff.Redundancy(metric="energy").require_applicable
+    assert error_key(energy, massless, ff.Task.POSITION) == "redundancy.metric"

@@ -6,17 +6,13 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
-import pinocchio as pin
 import pytest
 
 import freefloat as ff
-from freefloat.beyond.formats.mjcf_file import mjcf_text
-from freefloat.dynamics.momentum import mass_matrix
-from freefloat.io.trajectory import Trajectory
 from freefloat.robot.parts import Attachment
 from tests.commands import document, error, run
 from tests.errors import error_key
-from tests.motions import bundled, first_motion
+from tests.robots import assert_as_pinocchio_reads
 
 pytestmark = pytest.mark.usefixtures("readers_here")
 ARM = """<body name="upper" pos="0.5 0 0" euler="10 20 30">
@@ -279,18 +275,12 @@ def test_a_site_with_the_name_of_a_body_has_another(tmp_path: Path) -> None:
     assert reach["hand_site_site"] == pytest.approx(reach["hand"] + 1.0)
 
 
-def test_written_robots_keep_sites(tmp_path: Path) -> None:
+def test_written_robots_keep_sites(tmp_path: Path, rng: np.random.Generator) -> None:
     file = written(tmp_path, more='<site name="tip" pos="0.1 0.2 0.3" euler="0 40 0"/>')
     assert run("assemble", file, "-o", tmp_path / "robot.urdf").exit_code == 0
-    joints, still = [0.3, -0.4, 0.8], [0.0, 0.0, 0.0, 1.0]
-    model = ff.FreeFloatingModel.from_urdf(file, "tip")
-    other = pin.buildModelFromUrdf(str(tmp_path / "robot.urdf"), pin.JointModelFreeFlyer())
-    data = other.createData()
-    pin.framesForwardKinematics(other, data, model.configuration(still, joints))
-    placement = data.oMf[other.getFrameId("tip")]
-    pose = model.end_effector_pose(still, joints)
-    np.testing.assert_allclose(placement.translation, pose.position, atol=1e-12)
-    np.testing.assert_allclose(placement.rotation, pose.rotation, atol=1e-12)
+    model, still = ff.FreeFloatingModel.from_urdf(file, "tip"), [0.0, 0.0, 0.0, 1.0]
+    assert_as_pinocchio_reads(model, tmp_path / "robot.urdf", rng)
+    pose = model.end_effector_pose(still, [0.3, -0.4, 0.8])
     line = ff.paths.PolynomialCurve.line(pose.position, 0.98 * pose.position)
     problem = ff.Problem(model, path=line, duration=60, margin=("gjm", 1e-4))
     ff.save(ff.simulate(problem, still), tmp_path / "motion.h5")
@@ -430,15 +420,3 @@ def test_models_that_are_no_arms_are_refused(bodies: str, key: str, tmp_path: Pa
     file = tmp_path / "robot.xml"
     file.write_text(f"<mujoco><worldbody>{bodies}</worldbody></mujoco>")
     assert error_key(ff.FreeFloatingModel.from_urdf, file) == key
-
-
-@pytest.mark.parametrize("name", ["ets_vii/line", "planar_3dof/parabola"])
-def test_a_model_that_is_written_has_the_same_dynamics(name: str, tmp_path: Path) -> None:
-    problem = bundled(name)
-    file = tmp_path / "robot.xml"
-    file.write_text(mjcf_text(Trajectory.sampled(first_motion(problem), 3)))
-    read = ff.FreeFloatingModel.from_urdf(file)
-    assert read.joint_names == problem.model.joint_names
-    for q in np.random.default_rng(0).uniform(-1.0, 1.0, (5, read.dof)):
-        M = mass_matrix(problem.model, q)
-        np.testing.assert_allclose(mass_matrix(read, q), M, atol=1e-9 * np.abs(M).max())

@@ -6,12 +6,11 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
-import yaml
 
 import freefloat as ff
 from tests.commands import document, error, run
 from tests.errors import error_key
-from tests.spart_robots import ROBOTS, SCENARIO, scene
+from tests.spart_robots import ROBOTS, scene, write_scenario
 
 
 def warned(robot: dict) -> list[str]:
@@ -25,9 +24,8 @@ def test_a_robot_of_spart_plans_with_its_other_arm_held(tmp_path: Path) -> None:
     info = document("info", tmp_path / "robot.urdf", "--end-effector", "tip")
     assert {"joint J1", "joint J2"} <= set(warned(info))
     held = {"left_J1": 0.4, "left_J2": -0.7}
-    robot = {"urdf": "robot.urdf", "end_effector": "tip", "held": held}
-    (tmp_path / "s.yaml").write_text(yaml.safe_dump(SCENARIO | {"robot": robot}))
-    assert document("plan", tmp_path / "s.yaml", "-o", tmp_path / "p.h5")["feasible"]
+    scenario = write_scenario(tmp_path, "robot.urdf", held=held)
+    assert document("plan", scenario, "-o", tmp_path / "p.h5")["feasible"]
     assert run("check", tmp_path / "p.h5", "--engine", "mujoco").exit_code == 0
     (tmp_path / "robot.urdf").unlink()
     model = ff.load(tmp_path / "p.h5").problem.model
@@ -72,9 +70,8 @@ def test_the_chaser_of_a_scene_is_found_or_named(tmp_path: Path) -> None:
     assert error("info", "planar_2dof/line", "--root", "chaser")["key"] == "root"
     chaser = document("info", orbit, "--root", "chaser")
     assert (chaser["dof"], chaser["warnings"]) == (2, [])
-    robot = {"urdf": "scene.xml", "root": "chaser", "end_effector": "tip"}
-    (tmp_path / "s.yaml").write_text(yaml.safe_dump(SCENARIO | {"robot": robot}))
-    assert ff.load_scenario(tmp_path / "s.yaml").model().body_names[0] == "chaser"
+    scenario = write_scenario(tmp_path, "scene.xml", root="chaser")
+    assert ff.load_scenario(scenario).model().body_names[0] == "chaser"
 
 
 @pytest.fixture
@@ -117,15 +114,14 @@ def test_packages_are_named(workspace, tmp_path: Path) -> None:
     assert error("info", file, "--package", "other=nowhere")["key"] == "package"
     named = document("info", file, "--package", "other=../far/part_files")
     assert named["total_mass"] == 32.0
-    robot = {"urdf": "arm_description/urdf/arm.xacro", "end_effector": "tip"}
-    for folder, key in (("far/part_files", None), ("far/none", "robot.packages.other")):
-        section = robot | {"packages": {"other": folder}}
-        (tmp_path / "s.yaml").write_text(yaml.safe_dump(SCENARIO | {"robot": section}))
-        scenario = ff.load_scenario(tmp_path / "s.yaml")
-        if key is None:
+    for folder in ("far/part_files", "far/none"):
+        packages = {"other": folder}
+        file = write_scenario(tmp_path, "arm_description/urdf/arm.xacro", packages=packages)
+        scenario = ff.load_scenario(file)
+        if folder == "far/part_files":
             assert scenario.model().total_mass == 32.0
         else:
-            assert error_key(scenario.model) == key
+            assert error_key(scenario.model) == "robot.packages.other"
 
 
 def test_every_command_knows_robot_descriptions(tmp_path, monkeypatch):

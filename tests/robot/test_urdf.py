@@ -12,7 +12,6 @@ from scipy.spatial.transform import Rotation
 
 import freefloat as ff
 from freefloat.errors import ModelError
-from freefloat.robot.named_files import example_robots, models_folder
 from freefloat.robot.shapes import MeshFile
 from freefloat.robot.urdf import parse_urdf
 from freefloat.robot.validation import read_urdf
@@ -142,25 +141,3 @@ def test_shapes_have_geometry_pose_colour_and_line() -> None:
     assert cylinder.colour == (0.0, 1.0, 0.0, 1.0)
     geometries = [shape.geometry for shape in arm.collisions]
     assert geometries == [ff.Sphere(0.5), MeshFile("a.stl", (1.0, 1.0, -1.0)), None, None]
-
-
-@pytest.mark.parametrize("name", ["ur5", "kinova"])
-def test_records_agree_with_another_parser(name: str) -> None:
-    path = {file.stem: file for file in models_folder().glob("*/*.urdf")} | example_robots()
-    ours, theirs = parse_urdf(path[name]), yourdfpy.URDF.load(str(path[name]), load_meshes=False)
-    assert [link.name for link in ours.links] == [link.name for link in theirs.robot.links]
-    for link, other in zip(ours.links, theirs.robot.links, strict=True):
-        assert len(link.visuals) == len(other.visuals)
-        assert len(link.collisions) == len(other.collisions)
-        if link.inertial is not None:
-            assert link.mass == other.inertial.mass
-            np.testing.assert_array_equal(link.inertial.inertia, other.inertial.inertia)
-    for joint, other in zip(ours.joints, theirs.robot.joints, strict=True):
-        assert (joint.name, joint.type) == (other.name, other.type)
-        assert (joint.parent, joint.child) == (other.parent, other.child)
-        if other.origin is not None:
-            np.testing.assert_allclose(joint.origin.position, other.origin[:3, 3], atol=1e-15)
-            np.testing.assert_allclose(joint.origin.rotation, other.origin[:3, :3], atol=1e-12)
-        if joint.type == "revolute":
-            assert (joint.lower, joint.upper) == (other.limit.lower, other.limit.upper)
-            assert (joint.velocity, joint.effort) == (other.limit.velocity, other.limit.effort)

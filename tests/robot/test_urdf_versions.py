@@ -18,9 +18,15 @@ from freefloat.io.urdf_file import write_urdf
 from freefloat.robot.parts import Attachment
 from freefloat.robot.shapes import Capsule
 from freefloat.robot.validation import examine, read_urdf
-from tests.robots import Robot, inertial_text, link_text, numbers, pin_configuration, random_robot
+from tests.robots import (
+    Robot,
+    assert_as_pinocchio_reads,
+    inertial_text,
+    link_text,
+    numbers,
+    random_robot,
+)
 
-UP = [0.0, 0.0, 0.0, 1.0]
 CAPSULE = '<collision><geometry><capsule radius="0.2" length="1.5"/></geometry></collision>'
 
 
@@ -36,24 +42,6 @@ def with_quaternions(robot: Robot, rng: np.random.Generator) -> str:
     return re.sub(r'rpy="[^"]*"', quaternion, text)
 
 
-def assert_same_robot(model: ff.FreeFloatingModel, file: Path, rng: np.random.Generator) -> None:
-    """End-effector and inertia are those of what Pinocchio itself reads from a file."""
-    theirs = pin.buildModelFromUrdf(str(file), pin.JointModelFreeFlyer())
-    data = theirs.createData()
-    joints = rng.uniform(-2.0, 2.0, model.dof)
-    q = pin_configuration(theirs, dict(zip(model.joint_names, joints, strict=True)))
-    pin.framesForwardKinematics(theirs, data, q)
-    placed = data.oMf[theirs.getFrameId(model.end_effector_link)]
-    pose = model.body_poses(UP, joints)[0].inverse() @ model.end_effector_pose(UP, joints)
-    np.testing.assert_allclose(pose.position, placed.translation, atol=1e-12)
-    np.testing.assert_allclose(pose.rotation, placed.rotation, atol=1e-12)
-    pin.ccrba(theirs, data, q, np.zeros(theirs.nv))
-    ours = model.scratch
-    pin.ccrba(model.pin_model, ours, model.configuration(UP, joints),
-              np.zeros(model.pin_model.nv))  # fmt: skip
-    np.testing.assert_allclose(ours.Ig.inertia, data.Ig.inertia, rtol=1e-11)
-
-
 @pytest.mark.parametrize(("seed", "version"), [(0, "1.1"), (1, "1.2")])
 def test_quaternions_are_read_as_pinocchio_reads_them(seed, version, tmp_path):
     """In joints, fixed joints and inertials; and the same in files that are written."""
@@ -61,10 +49,10 @@ def test_quaternions_are_read_as_pinocchio_reads_them(seed, version, tmp_path):
     robot = random_robot(rng, "RFRRPRR").with_frame("tip", "0.1 0 0.1", "0.1 0.2 0.3")
     robot = replace(robot, text=with_quaternions(robot, rng).replace("1.1", version, 1))
     (tmp_path / "robot.urdf").write_text(robot.text)
-    assert_same_robot(robot.model(), tmp_path / "robot.urdf", rng)
+    assert_as_pinocchio_reads(robot.model(), tmp_path / "robot.urdf", rng)
     laden = robot.model(payload=ff.Payload(5.0, [1, 1, 1]))
     written = write_urdf(laden, tmp_path / "written.urdf").file
-    assert_same_robot(ff.FreeFloatingModel.from_urdf(written, "tip"), written, rng)
+    assert_as_pinocchio_reads(ff.FreeFloatingModel.from_urdf(written, "tip"), written, rng)
 
 
 def test_a_quaternion_is_not_read_before_version_1_1(tmp_path: Path) -> None:
@@ -76,7 +64,7 @@ def test_a_quaternion_is_not_read_before_version_1_1(tmp_path: Path) -> None:
         model = ff.FreeFloatingModel.from_urdf(tmp_path / "robot.urdf")
         assert len(model.warnings) == old.count("quat_xyzw")
         assert [entry.attribute for entry in model.not_read] == ["quat_xyzw"] * len(model.warnings)
-        assert_same_robot(model, tmp_path / "robot.urdf", rng)
+        assert_as_pinocchio_reads(model, tmp_path / "robot.urdf", rng)
 
 
 def one_origin(attributes: str) -> str:
