@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from freefloat.beyond.missions.goals.joint_paths import JointCourse, JointPaths
+from freefloat.beyond.missions.goals.attitude_kernel import JointCourse
+from freefloat.beyond.missions.goals.joint_paths import JointPaths
 from freefloat.beyond.missions.goals.placements import PlacedArm, Placements
 from freefloat.beyond.missions.goals.violations import GoalViolations
 from freefloat.limits.kinds.clearance import ClearanceLimit

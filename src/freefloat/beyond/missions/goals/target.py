@@ -20,7 +20,8 @@ from freefloat.scene.scene_body import SceneBody
 from freefloat.so3 import UPRIGHT, Array, Pose, rotation_vector_between
 
 if TYPE_CHECKING:  # goals of scenarios are read without compiled kernels
-    from freefloat.beyond.missions.goals.joint_paths import JointCourse, JointPaths
+    from freefloat.beyond.missions.goals.attitude_kernel import JointCourse
+    from freefloat.beyond.missions.goals.joint_paths import JointPaths
 
 _STEP = 1e-6
 """Step of the differences [rad, m, rad/s, m/s, s]."""

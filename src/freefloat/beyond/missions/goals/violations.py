@@ -9,7 +9,8 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from freefloat.beyond.missions.goals.joint_paths import JointCourse, JointPaths
+from freefloat.beyond.missions.goals.attitude_kernel import JointCourse
+from freefloat.beyond.missions.goals.joint_paths import JointPaths
 from freefloat.limits.kinds.base_turn import BaseTurnLimit
 from freefloat.limits.kinds.corridor import CorridorLimit
 from freefloat.limits.kinds.pointing import PointingLimits
