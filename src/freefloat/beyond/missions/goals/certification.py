@@ -8,6 +8,7 @@ import numpy as np
 
 from freefloat.beyond.missions.goals.goal_motion import last_state
 from freefloat.beyond.missions.goals.joint_integration import integrate_spline
+from freefloat.beyond.missions.goals.query import Query
 from freefloat.beyond.missions.goals.relaxation import Relaxation, TermWeights
 from freefloat.limits.kinds.clearance import ClearanceLimit
 from freefloat.limits.kinds.joint_torque import JointTorqueLimit
@@ -15,7 +16,6 @@ from freefloat.limits.limits import LimitChecker
 from freefloat.limits.result import LimitResult
 from freefloat.motion.law import JointLaw
 from freefloat.motion.motion import Motion
-from freefloat.motion.setting import JointSetting
 from freefloat.so3 import Array
 
 FINAL = TermWeights(1e-3, 1e3)
@@ -47,12 +47,9 @@ class CertifiedMotion:
 
 @dataclass(frozen=True, eq=False)
 class Certification:
-    """What precise motions are checked with."""
+    """Precise motions to the goal of a query, and their limits."""
 
-    setting: JointSetting  # robot, momentum, scene and drift
-    checker: LimitChecker
-    attitude: Array  # of the spacecraft at the start, unit quaternion x, y, z, w
-    by_time: bool  # whether the motion is another one at another duration
+    query: Query
 
     def certified(self, relaxation: Relaxation, unknowns: Array) -> CertifiedMotion | None:
         """The motion along a path, or along one nearby that keeps what this one violates.
@@ -76,7 +73,9 @@ class Certification:
 
     def checked(self, unknowns: Array, motion: Motion) -> CertifiedMotion:
         """A precise motion with its limits."""
-        return CertifiedMotion(unknowns, motion, *self.checker.results_unless_violated(motion))
+        return CertifiedMotion(
+            unknowns, motion, *self.query.checker.results_unless_violated(motion)
+        )
 
     def _demanding(
         self, relaxation: Relaxation, violation: LimitResult | None
@@ -98,21 +97,21 @@ class Certification:
 
         None where no motion nearby ends at the goal.
         """
-        close, spare = (_CLOSE_BY_TIME, _SPARE_BY_TIME) if self.by_time else (_CLOSE, _SPARE)
+        close, spare = (_CLOSE_BY_TIME, _SPARE_BY_TIME) if self.query.by_time else (_CLOSE, _SPARE)
         offset = np.zeros(relaxation.target.size)
         for _ in range(_TIMINGS):
             ending = self._ending_at_goal(relaxation, unknowns, offset)
             if ending is None:
                 return None
             unknowns, motion, offset = ending
-            timed = self.checker.timed(motion)
+            timed = self.query.checker.timed(motion)
             searched = relaxation.usage(relaxation.course(unknowns, 0))
             usage = max((result.stretch for result in timed), default=1.0)
             usage = max(usage, searched)  # of joints without limit, too
             if not relaxation.free_duration or not timed or close < usage <= 1.0:
                 break
             unknowns = np.append(unknowns[:-1], unknowns[-1] * usage * spare)
-            if not self.by_time:
+            if not self.query.by_time:
                 return unknowns, self.along(relaxation, unknowns)
         return unknowns, motion
 
@@ -139,5 +138,5 @@ class Certification:
     def along(self, relaxation: Relaxation, unknowns: Array) -> Motion:
         """The motion along a path, whatever it violates and wherever it ends exactly."""
         relaxation.effort.take(_WORK * relaxation.paths.all_spans)
-        law = JointLaw(self.setting, relaxation.paths.spline(unknowns), float(unknowns[-1]))
-        return integrate_spline(law, self.attitude)
+        law = JointLaw(self.query.setting, relaxation.paths.spline(unknowns), float(unknowns[-1]))
+        return integrate_spline(law, self.query.start.attitude)

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
+from freefloat.beyond.missions.goals.attitude_kernel import JointCourse
 from freefloat.beyond.missions.goals.certification import Certification
 from freefloat.beyond.missions.goals.clearances import Clearances
 from freefloat.beyond.missions.goals.goal import Goal
@@ -18,7 +19,6 @@ from freefloat.beyond.missions.goals.goal_motion import (
     required_limits,
 )
 from freefloat.beyond.missions.goals.joint_integration import integrate_spline
-from freefloat.beyond.missions.goals.joint_paths import JointCourse
 from freefloat.beyond.missions.goals.query import GoalStart, Query, families_of, violation_at_rest
 from freefloat.beyond.missions.goals.search import REACHED, GoalSearch
 from freefloat.beyond.missions.goals.violations import ShapeLimits, StateLimits
@@ -149,8 +149,8 @@ def _search(query: Query, progress: Progress | None) -> GoalSearch:
         clearances = Clearances(setting, checker.pairs, checker.pairs.clearance)
         clearances.allow_start(query.start.joints, query.attitude)
         shapes.append(clearances)
-    certification = Certification(setting, checker, query.start.attitude, query.by_time)
-    return GoalSearch(list(families_of(query, shapes)), certification, step_of(progress, 0.0, 1.0))
+    families = list(families_of(query, shapes))
+    return GoalSearch(families, Certification(query), step_of(progress, 0.0, 1.0))
 
 
 def arrive(
@@ -221,7 +221,7 @@ def _why_not(
     nearest = search.nearest()
     if nearest is None:
         return _at_the_goal(outcome, search, seed, goal_words)
-    results = search.certification.checker.results(nearest.motion)
+    results = search.certification.query.checker.results(nearest.motion)
     return outcome.with_motion(nearest.motion, results)
 
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from freefloat.beyond.missions.goals.joint_paths import JointCourse
+from freefloat.beyond.missions.goals.attitude_kernel import JointCourse
 from freefloat.so3 import Array
 
 _MOST = 300_000
@@ -30,7 +30,6 @@ class SolverBudget:
     Where a search ends follows from its seed, not from the speed of the machine.
     """
 
-    most: int = _MOST  # instants
     done: int = field(default=0, init=False)
 
     def take(self, instants: int) -> None:
@@ -40,12 +39,12 @@ class SolverBudget:
     @property
     def fraction(self) -> float:
         """The fraction of the work that is done, in [0, 1]."""
-        return min(1.0, self.done / self.most)
+        return min(1.0, self.done / _MOST)
 
     @property
     def spent(self) -> bool:
         """Whether the search has to end."""
-        return self.done >= self.most
+        return self.done >= _MOST
 
 
 class Step(NamedTuple):

@@ -88,11 +88,9 @@ class Query:
     def by_time(self) -> bool:
         """Whether the motion is another one at another duration."""
         ends_move = self.start.joint_rates.any() or self.goal.joint_rates is not None
-        return bool(ends_move or self.target.body or self._depends_on_time)
-
-    @property
-    def _depends_on_time(self) -> bool:
-        return self.setting.system.rotates or self.setting.drifts or self.setting.scene.tumbles
+        setting = self.setting
+        changes = setting.system.rotates or setting.drifts or setting.scene.tumbles
+        return bool(ends_move or self.target.body or changes)
 
     @property
     def is_there(self) -> bool:

@@ -14,7 +14,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from freefloat.beyond.missions.goals.joint_paths import COARSE_INTERVALS, JointCourse, JointPaths
+from freefloat.beyond.missions.goals.attitude_kernel import JointCourse
+from freefloat.beyond.missions.goals.joint_paths import COARSE_INTERVALS, JointPaths
 from freefloat.beyond.missions.goals.placements import PlacedArm
 from freefloat.beyond.missions.goals.quadratic import WEIGHT_OF_END, Quadratic, SolverBudget
 from freefloat.beyond.missions.goals.target import Target
@@ -169,17 +170,20 @@ class Relaxation:
             limits = self.joint_acceleration
             yield JointValues.along(self.paths, course.unknowns, limits, 2).beyond_limits()
         if np.isfinite(self.base_rate):
-            yield beyond_one(*self._base_rates(course))
+            yield self._beyond_base_rate(course)
         for shape in self.shapes:
             violations = shape.violations(self.paths, course)
             yield _SHAPES * violations.amounts, _SHAPES * violations.jacobian(self.paths, course)
 
-    def _base_rates(self, course: JointCourse) -> tuple[Array, Array]:
-        """Rates of the spacecraft over the limit at the G Gauss points, (G, 3), and derivatives."""
+    def _beyond_base_rate(self, course: JointCourse) -> tuple[Array, Array]:
+        """How far rates of the spacecraft are beyond their limit or near it, with derivatives."""
         T = course.duration
         base, slopes = course.omega / self.base_rate / T, course.slopes / self.base_rate / T
         slopes[:, :, -1] -= base / T
-        return base, slopes
+        size = np.linalg.norm(base, axis=1)
+        (near,) = np.nonzero(size > _GUARDED_FRACTION)
+        directions = base[near] / size[near, None]
+        return size[near] - 1.0, np.einsum("gi,gix->gx", directions, slopes[near])
 
     def _beyond_ranges(self, course: JointCourse) -> Iterator[tuple[Array, Array]]:
         """How far control points are beyond the joint ranges or near them, with derivatives."""
@@ -246,11 +250,3 @@ class JointValues(NamedTuple):
         matrix[:-1, -1] = matrix[-1, :-1] = mixed[:, 1].ravel()
         matrix[-1, -1] = weight * (by_duration**2).sum()
         return weight * float((values**2).sum()) / 2.0, gradient, matrix
-
-
-def beyond_one(values: Array, jacobian: Array) -> tuple[Array, Array]:
-    """How far magnitudes of vectors (G, 3) near or beyond one are beyond it, with derivatives."""
-    size = np.linalg.norm(values, axis=1)
-    (near,) = np.nonzero(size > _GUARDED_FRACTION)
-    directions = values[near] / size[near, None]
-    return size[near] - 1.0, np.einsum("gi,gix->gx", directions, jacobian[near])

@@ -75,7 +75,7 @@ class GoalSearch:
         """Violated limits along the path, among some, that comes nearest to keeping them."""
         family, certification = self.families[0].coarse, self.certification
         motions = (certification.along(family, path.course.unknowns) for path in paths)
-        broken = [violated(certification.checker.results(motion)) for motion in motions]
+        broken = [violated(certification.query.checker.results(motion)) for motion in motions]
         return min(broken, key=lambda results: max((entry.ratio for entry in results), default=0.0))
 
     def sketch(self, seed: int) -> Motion | None:
