@@ -136,10 +136,9 @@ class WorkerState:
 
 @dataclass(frozen=True)
 class WorkerTask:
-    """One thing that the worker is to do."""
+    """What the worker is to do: save the plan, or without a file build the page of the motion."""
 
-    kind: Literal["save", "page"]  # ``save`` the plan, or build the ``page`` of the motion
-    file: Path | None = None  # the file to save to; if it exists, another one with a number
+    file: Path | None  # the file to save to; if it exists, another one with a number
 
 
 @dataclass(frozen=True)

@@ -87,7 +87,7 @@ class Session:
         """The page that plays the motion shown; None where there is none."""
         future: asyncio.Future[str | None] = asyncio.get_running_loop().create_future()
         self._pages.append(future)
-        self.worker.send(WorkerTask("page"))
+        self.worker.send(WorkerTask(None))
         return await future
 
     def _handle(self, message: Edit | Open | Choose | Explain | EditStep, reply: Send) -> None:
@@ -107,7 +107,7 @@ class Session:
                 if number == self._sets and sample < len(self._reasons):
                     reply({"type": "reason", "sample": sample, "text": self._reasons[sample]})
             case EditStep(type="save"):
-                self.worker.send(WorkerTask("save", self._folder / self._document.file_name))
+                self.worker.send(WorkerTask(self._folder / self._document.file_name))
             case EditStep(type=kind):
                 self._step(-1 if kind == "undo" else 1)
             case _:

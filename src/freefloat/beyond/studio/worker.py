@@ -115,7 +115,7 @@ class _Worker:
 
     def _done(self, task: WorkerTask) -> WorkerAnswer:
         """Do a task."""
-        kind = "saved" if task.kind == "save" else "page"
+        kind = "page" if task.file is None else "saved"
         if self._analysis is None or self._state is None:
             return WorkerAnswer(kind, {"refused": "the scenario has an error"})
         if task.file is None:
