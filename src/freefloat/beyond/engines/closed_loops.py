@@ -178,8 +178,11 @@ class Plants:
         self._positions, self._rotations = bind("xpos"), bind("xquat")
         self._stage = engine.velocity_stage
         count, n = len(factors), factors.shape[1] - 1
-        self._states, self._middle, self._end = (_empty_states(count, n) for _ in range(3))
-        self._dynamics = tuple(_empty_dynamics(count, n) for _ in range(3))
+        self._states, self._middle, self._end = (
+            States(*(np.empty((count, size)) for size in (4, n, n))) for _ in range(3)
+        )
+        shapes = (count, n, n), (count, n), (count, 3, n), (count, 3)
+        self._dynamics = tuple(Dynamics(*map(np.zeros, shapes)) for _ in range(3))
         position, *initial = np.split(engine.data.qpos, [3, 7])
         self._at[:, :3] = position
         for entry, value in zip(self._states, [*initial, engine.data.qvel[6:]], strict=True):
@@ -244,13 +247,3 @@ class Plants:
         self._references += period * rates
         self._states, self._end = self._end, self._states
         self._evaluate(self._states, third, first)
-
-
-def _empty_states(count: int, n: int) -> States:
-    return States(np.empty((count, 4)), np.empty((count, n)), np.empty((count, n)))
-
-
-def _empty_dynamics(count: int, n: int) -> Dynamics:
-    return Dynamics(
-        np.empty((count, n, n)), np.empty((count, n)), np.zeros((count, 3, n)), np.zeros((count, 3))
-    )

@@ -10,6 +10,7 @@ import numpy as np
 
 from freefloat.errors import InputError
 from freefloat.io.trajectory import Trajectory
+from freefloat.motion.setting import Setting
 from freefloat.robot.description import LinkShape
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.rigid_bodies import Body
@@ -39,7 +40,7 @@ def mjcf_text(trajectory: Trajectory) -> str:
         InputError: If MuJoCo has no model of the robot: wheels store momentum, or an inertia
             violates the triangle inequality.
     """
-    _require_representable(trajectory)
+    _require_representable(trajectory.motion.setting)
     root = robot_mjcf(trajectory.motion.model)
     keys = ET.SubElement(root, "keyframe")
     for name, k in (("initial", 0), ("final", -1)):
@@ -48,15 +49,20 @@ def mjcf_text(trajectory: Trajectory) -> str:
     return ET.tostring(root, encoding="unicode") + "\n"
 
 
-def _require_representable(trajectory: Trajectory) -> None:
-    setting = trajectory.motion.setting
+def _require_representable(setting: Setting) -> None:
+    """Raise an InputError where MuJoCo refuses a name or an inertia, or wheels store momentum."""
     if setting.wheel_momentum.any():
         accepted = "for mjcf a spacecraft whose wheels store no momentum"
         raise InputError("format", "wheels store momentum", accepted)
-    refused = _why_refused(setting.model)
-    if refused is not None:
-        accepted = "for mjcf other names, and inertias that bodies of matter have"
-        raise InputError("format", refused, accepted)
+    model, accepted = setting.model, "for mjcf other names, and inertias that bodies of matter have"
+    for name in (*model.body_names, *model.joint_names):
+        if name in ("world", model.bodies[0].joint):
+            raise InputError("format", f"{name} is a name of the simulation itself", accepted)
+    for name, body in zip(model.body_names, model.bodies, strict=True):
+        moments = np.linalg.eigvalsh(body.inertia)
+        if moments[2] > (1.0 + _MOMENT_EXCESS) * (moments[0] + moments[1]):
+            problem = f"the inertia of {name} violates the triangle inequality"
+            raise InputError("format", problem, accepted)
 
 
 def _state(trajectory: Trajectory, k: int) -> dict[str, str]:
@@ -108,19 +114,6 @@ def robot_mjcf(model: FreeFloatingModel, *, shapes: bool = True) -> ET.Element:
         number, place = model.link_places[link]
         _add(elements[number], "site", name=name, size="0.01", **_place(place))
     return root
-
-
-def _why_refused(model: FreeFloatingModel) -> str | None:
-    """Why MuJoCo refuses a robot: a name of its own, or an inertia; None where it does not."""
-    reserved = {"world", model.bodies[0].joint}
-    for name in (*model.body_names, *model.joint_names):
-        if name in reserved:
-            return f"{name} is a name of the simulation itself"
-    for name, body in zip(model.body_names, model.bodies, strict=True):
-        moments = np.linalg.eigvalsh(body.inertia)
-        if moments[2] > (1.0 + _MOMENT_EXCESS) * (moments[0] + moments[1]):
-            return f"the inertia of {name} violates the triangle inequality"
-    return None
 
 
 def _add_base(element: ET.Element, model: FreeFloatingModel) -> None:

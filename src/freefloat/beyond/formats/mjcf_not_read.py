@@ -124,7 +124,7 @@ def _of_body(model: Any, plain: Any, body: int, lines: Lines) -> Iterator[NotRea
     """What is not used of a body and its geoms."""
     name = body_name(model, body)
     element, line = f"body {name}", lines.get(("body", name))
-    yield from _properties(model, plain, ("body", body, 1), element, line)
+    yield from _properties(model, plain, ("body", body), element, line)
     if model.body_mocapid[body] >= 0:
         yield NotRead(element, "mocap", line, "a body that is moved from outside; it floats freely")
     geoms = int(model.body_geomadr[body])
@@ -136,20 +136,20 @@ def _of_body(model: Any, plain: Any, body: int, lines: Lines) -> Iterator[NotRea
         if kind not in SHAPES:
             shape = _OTHER_SHAPES.get(kind, "shape")
             yield NotRead(element, "type", line, f"this {shape} {_UNSHAPED}")
-        yield from _properties(model, plain, ("geom", geom, 0), element, line)
+        yield from _properties(model, plain, ("geom", geom), element, line)
 
 
 def _of_joint(model: Any, plain: Any, joint: int, lines: Lines, *, base: bool) -> Iterator[NotRead]:
     """What is not used of a joint, of the base or of the arm."""
     label = joint_name(model, joint)
     element, line = f"joint {label}", lines.get(("joint", label))
-    yield from _properties(model, plain, ("jnt", joint, 0), element, line)
+    yield from _properties(model, plain, ("jnt", joint), element, line)
     if base and model.jnt_limited[joint]:
         yield NotRead(element, "range", line, "limits of motion in the world; the base has none")
     first, place = int(model.jnt_dofadr[joint]), int(model.jnt_qposadr[joint])
     last = first + 1 if model.jnt_type[joint] >= SLIDE else first + 6
     for dof in range(first, last):
-        for entry in _properties(model, plain, ("dof", dof, 0), element, line):
+        for entry in _properties(model, plain, ("dof", dof), element, line):
             if base or entry.attribute != "armature":
                 yield entry
     if last == first + 1 and model.qpos_spring[place] != 0.0:  # stated, also without stiffness
@@ -157,21 +157,22 @@ def _of_joint(model: Any, plain: Any, joint: int, lines: Lines, *, base: bool) -
 
 
 def _properties(
-    model: Any, plain: Any, place: tuple[str, int, int], element: str, line: int | None
+    model: Any, plain: Any, place: tuple[str, int], element: str, line: int | None
 ) -> Iterator[NotRead]:
     """Properties of an object that differ from the properties of a plain one and are not used.
 
-    The place is the prefix of the arrays, the object's number in the model, and the plain one's.
-    What is listed has the element and the line.
+    The place is the prefix of the arrays and the object's number in the model. What is listed has
+    the element and the line.
     """
-    prefix, number, reference = place
+    prefix, number = place
+    plain_number = int(prefix == "body")  # body 0 is the world
     used = _USED[prefix].split()
     for name in dir(plain):
         kind, _, key = name.partition("_")
         if kind != prefix or not key or key in used:
             continue
         value, default = np.asarray(getattr(model, name)), np.asarray(getattr(plain, name))
-        if not np.array_equal(value[number], default[reference]):
+        if not np.array_equal(value[number], default[plain_number]):
             meaning = _CONTACT if prefix == "geom" else "freefloat does not use it"
             attribute, meaning = _PROPERTIES[prefix].get(key, (key, meaning))
             yield NotRead(element, attribute, line, meaning)

@@ -130,8 +130,9 @@ def write_mcap(path: Path, trajectory: Trajectory) -> None:
         raise InputError("epoch", given, "1970 to January 2038, which ROS has numbers for")
     with path.open("wb") as stream:
         writer = Writer(stream)
+        described = {part: f"\n{'=' * 80}\nMSG: {part}\n{text}" for part, text in _PARTS.items()}
         schemas = {
-            topic: writer.register_msgdef(name, _definition(text, parts))
+            topic: writer.register_msgdef(name, text + "".join(described[part] for part in parts))
             for topic, (name, parts, text) in _TOPICS.items()
         }
 
@@ -153,12 +154,6 @@ def write_mcap(path: Path, trajectory: Trajectory) -> None:
             write("/tf", {"transforms": _transforms(trajectory, k, header)}, time)
             write("/margin", {"data": float(trajectory.measure[k])}, time)
         writer.finish()
-
-
-def _definition(text: str, parts: tuple[str, ...]) -> str:
-    """The definition of a message, followed by the definitions of its parts."""
-    described = [f"\n{'=' * 80}\nMSG: {part}\n{_PARTS[part]}" for part in parts]
-    return "".join([text, *described])
 
 
 def _transforms(trajectory: Trajectory, k: int, header: dict[str, Any]) -> list[dict[str, Any]]:

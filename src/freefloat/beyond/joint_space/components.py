@@ -9,7 +9,7 @@ components; none that they show as joined is separate.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from itertools import product
 from typing import Any
 
@@ -72,10 +72,7 @@ class SingularityComponents:
 
     def to_dict(self) -> list[dict[str, Any]]:
         """The key ``components`` of the JSON document of ``freefloat singularities``."""
-        return [
-            {"sign": part.sign, "volume": part.volume, "branches": dict(part.branches)}
-            for part in self.components
-        ]
+        return [asdict(part) for part in self.components]
 
 
 def singularity_components(found: SingularityMap) -> SingularityComponents:

@@ -58,7 +58,9 @@ def decoded(tree: Tree, model: FreeFloatingModel) -> SingularityMap:
 def singularity_map_checks(found: SingularityMap) -> Iterator[Check]:
     """Det A of the robot at random configurations, compared with the polynomial and the boxes."""
     rng = np.random.default_rng(_SEED)
-    joints = _random_joints(found, rng)
+    names = found.model.joint_names
+    lower, upper = joint_box(found.model, {names.index(k): v for k, v in found.fixed.items()})
+    joints = _with_fixed(found, rng.uniform(lower, upper, (_CONFIGURATIONS, len(names))))
     exact = determinants(found.model, joints, found.task)
     scale = float(np.abs(exact).max())
     deviation = float(np.abs(found.polynomial.values(joints) - exact).max() / scale)
@@ -79,13 +81,6 @@ def singularity_map_checks(found: SingularityMap) -> Iterator[Check]:
     signs = [np.sign(determinants(found.model, q, found.task)) for q in (low, high)]
     same = int((signs[0] * signs[1] > 0.0).sum())
     yield _count("boxes with a singularity", same, len(low))
-
-
-def _random_joints(found: SingularityMap, rng: np.random.Generator) -> Array:
-    names = found.model.joint_names
-    lower, upper = joint_box(found.model, {names.index(k): v for k, v in found.fixed.items()})
-    joints = rng.uniform(lower, upper, (_CONFIGURATIONS, len(names)))
-    return _with_fixed(found, joints)
 
 
 def _with_fixed(found: SingularityMap, joints: Array) -> Array:

@@ -186,7 +186,11 @@ def capture(
         + axes @ client.inertia @ client.angular_velocity
         + client.mass * np.cross(place - centre, client.velocity - common)
     )  # fmt: skip
-    new = _with_payload(model, body)
+    new = FreeFloatingModel.from_urdf(
+        model.description.text, model.end_effector, fixed_joints=model.fixed_joints,
+        payload=body, base=model.base, gravity=model.gravity,
+    )  # fmt: skip
+    new = replace(new, description=replace(new.description, source=model.description.source))
     D = R @ conserved_inertias(new, q)[0] @ R.T
     moments = np.linalg.eigvalsh(D)
     if model.on_table:  # which carries the rest
@@ -212,12 +216,3 @@ def _mobility(mass: float, inertia: Array, arm: Array) -> Array:
     at_centre = np.zeros((6, 6))
     at_centre[:3, :3], at_centre[3:, 3:] = mass * np.eye(3), inertia
     return np.asarray(np.linalg.inv(to_centre.T @ at_centre @ to_centre))
-
-
-def _with_payload(model: FreeFloatingModel, payload: Payload) -> FreeFloatingModel:
-    """The robot with a payload at its end-effector."""
-    loaded = FreeFloatingModel.from_urdf(
-        model.description.text, model.end_effector, fixed_joints=model.fixed_joints,
-        payload=payload, base=model.base, gravity=model.gravity,
-    )  # fmt: skip
-    return replace(loaded, description=replace(loaded.description, source=model.description.source))

@@ -16,7 +16,7 @@ from freefloat.concurrency import Progress
 from freefloat.errors import InputError
 from freefloat.motion.motion import Motion
 from freefloat.planning.answer import PhaseResult, violation_of
-from freefloat.so3 import Array, angle_between
+from freefloat.so3 import angle_between
 from freefloat.visualization import figure_style as style
 from freefloat.visualization.figures import angle_figures, drawn_motion_figures, plan_figures
 from freefloat.visualization.motion_figures import joint_scale, limited_angles, shown_times
@@ -68,7 +68,8 @@ def _manoeuvre_figure(manoeuvre: Manoeuvre) -> Figure:
     styles = dict(zip(names, style.strokes(len(names)), strict=False))
     unit, (scale, joint_unit) = problem.margin.measure.unit, joint_scale(problem.model)
     for phase, motion in moving:
-        times, attitudes, values = _sampled(motion)
+        nodes = np.linspace(0.0, motion.panels, _CURVE_POINTS)
+        times, attitudes, values = motion.evaluate(nodes)
         at = phase.start + times
         turns = angle_between(attitudes, motion.initial.attitude)
         turn.plot(at, np.degrees(turns), color="C0", linestyle="-")
@@ -109,10 +110,6 @@ def _draw_pointing(panels: list[Axes], phase: PhaseResult, motion: Motion) -> No
         axes.hlines(np.degrees(allowed), times[0], times[-1], **style.MARGIN_LINE)
         angle = style.axis_label(style.plain(name), "deg")
         axes.set_ylabel(f"{angle}\n{side} {style.digits(np.degrees(allowed))}°")
-
-
-def _sampled(motion: Motion) -> tuple[Array, Array, Array]:
-    return motion.evaluate(np.linspace(0.0, motion.panels, _CURVE_POINTS))
 
 
 def _mark(figure: Figure, phases: tuple[PhaseResult, ...]) -> None:

@@ -83,9 +83,7 @@ def plan_manoeuvre(
     require_problem(problem)
     limits = limits_for(problem, limits) or Limits()
     following = checked_phases(problem, phases)
-    present = None
-    if reorient:
-        present = _present_joints(problem.at_rest(0.0), search)
+    present = _present_joints(problem.at_rest(0.0), search) if reorient else None
     share = 0.5 if reorient else 0.9
     step = step_of(progress, 0.0, share)
     first = plan(problem, search, limits, threads=threads, progress=step)

@@ -167,12 +167,7 @@ class PhaseSection(Section):
 
         name = self.name or ""
         if self.capture is not None:
-            inertia, com = self.capture.inertia, self.capture.com
-            return CapturePhase(
-                self.capture.body, self.capture.mass,
-                None if inertia is None else np.array(inertia),
-                None if com is None else np.array(com), name,
-            )  # fmt: skip
+            return CapturePhase(name=name, **self.capture.model_dump())
         if self.goal is not None:
             return GoalPhase(self.goal.to_goal(problem.model), name, seed)
         if self.joints is not None:
