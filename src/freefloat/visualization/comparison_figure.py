@@ -12,15 +12,7 @@ from matplotlib.figure import Figure
 from freefloat.errors import InputError
 from freefloat.io.trajectory import Trajectory
 from freefloat.motion.motion import Motion
-from freefloat.visualization.figure_style import (
-    BLACK,
-    PAGE,
-    PALE,
-    legend_above,
-    new_figure,
-    plain,
-    styled,
-)
+from freefloat.visualization import figure_style as style
 from freefloat.visualization.motion_figures import (
     attitude_curves,
     draw_panel,
@@ -34,7 +26,7 @@ _NAMES, _LETTERS = 10, 96
 """Names of curves, and letters of titles, that fit into the width of a page."""
 
 
-@styled
+@style.styled
 def comparison_figure(motions: Mapping[str, Motion]) -> Figure:
     """A figure with a column for each motion: measure, attitude and joints over time.
 
@@ -52,7 +44,7 @@ def comparison_figure(motions: Mapping[str, Motion]) -> Figure:
          joint_scale(setting.model)[1])
         for setting in settings
     }  # fmt: skip
-    figure = new_figure(PAGE, 5.0)
+    figure = style.new_figure(style.PAGE, 5.0)
     panels: Any = figure.subplots(
         3, len(motions), sharex="col", sharey="row" if len(kinds) == 1 else "none"
     )
@@ -75,14 +67,14 @@ def _draw(panels: Any, motion: Motion, longest: int) -> None:
     scale, unit = joint_scale(setting.model)
     attitude, angles, names = attitude_curves(setting, trajectory)
     sign = np.sign(trajectory.measure[0])
-    panels[0].axhspan(0.0, sign * threshold, color=PALE, linewidth=0.0, zorder=0)
-    panels[0].axhline(0.0, color=BLACK, linewidth=0.6)
+    panels[0].axhspan(0.0, sign * threshold, color=style.PALE, linewidth=0.0, zorder=0)
+    panels[0].axhline(0.0, color=style.BLACK, linewidth=0.6)
     curves = [
         (f"$S$ ({measure.title})", trajectory.measure[:, None], ("S",), measure.unit),
         ("heading" if setting.has_headings else attitude, angles, names, "deg"),
-        ("joints", scale * trajectory.joints, [*map(plain, setting.model.joint_names)], unit),
+        ("joints", scale * trajectory.joints, [*map(style.plain, setting.model.joint_names)], unit),
     ]
     for panel, drawn in zip(panels, curves, strict=True):
         draw_panel(panel, trajectory, drawn, named=False)
         if len(drawn[2]) > 1:
-            legend_above(panel, longest=longest)
+            style.legend_above(panel, longest=longest)
