@@ -56,19 +56,11 @@ class Trail:
 class TitledScene:
     """A motion, an arm branch of a map, or a map of the joint space, shown by its title.
 
-    Attributes:
-        title: The title.
-        node: Name of its node in the scene tree.
-        labels: Labels of the scene.
-        begin: Start of the motion [s].
-        end: End of the motion [s].
-        ending: How the motion ended, a word; None for maps.
-        verdict: How the motion ended, a sentence; None for maps.
-        trail: Values over time; None for maps.
-        lines: Text of a map; warnings about a motion.
-        origin: Place of its coordinates in the scene [m].
-        margin: Required magnitude of the measure; zero for none.
-        keeps_margin: Whether the motion keeps it, between the values of the trail, too.
+    A motion begins and ends at times [s]; how it ended is a word, and a sentence in the verdict.
+    Ending, verdict and trail are None for maps. The lines are the text of a map, or warnings about
+    a motion. The origin is the place of its coordinates in the scene [m], the margin the required
+    magnitude of the measure, zero for none. Whether a motion keeps it is known between the values
+    of the trail, too.
     """
 
     title: str
@@ -162,17 +154,11 @@ class MarginColours:
 class SceneDescription:
     """Description of a scene for the page.
 
-    Attributes:
-        title: Title of the page.
-        scenes: Motions, or arm branches of a map.
-        items: Names of the nodes that can be hidden, and whether they are visible at first.
-        legend: Colours of the margin (:meth:`MarginColours.to_dict`), or ``entries``: text and
-            colour of each part of the scene.
-        view: First view.
-        remarks: Messages on visuals of the robot that cannot be drawn.
-        samples: Samples of a map.
-        sequence: Whether the motions follow one another.
-        start: What the clock of the page shows at its beginning [s]; all other times are from it.
+    Items are the names of the nodes that can be hidden, and whether they are visible at first. The
+    legend has the colours of the margin (:meth:`MarginColours.to_dict`), or ``entries``: text and
+    colour of each part of the scene. Remarks are on visuals of the robot that cannot be drawn. In a
+    sequence the motions follow one another. ``start`` is what the clock of the page shows at its
+    beginning [s]; all other times are from it.
     """
 
     title: str
