@@ -69,6 +69,7 @@ Columns = Mapping[str, Column]
 
 def result_type(name: str) -> str:
     """The type of a column of results."""
+    name = name.removeprefix(FOUND)
     return RESULTS.get(name) or FAMILIES[name.partition(".")[0]]
 
 

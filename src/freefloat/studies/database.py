@@ -116,7 +116,7 @@ class StudyDatabase:
             if name not in self._types:
                 self._connection.execute(_addition(name))
                 self._connection.execute("INSERT INTO added VALUES (?)", (name,))
-                self._types[name] = result_type(name.removeprefix(FOUND))
+                self._types[name] = result_type(name)
 
     def add_file(self, number: int, file: str, size: int) -> None:
         """Name the result file of a finished run, and its size [bytes], in its row."""
@@ -209,7 +209,7 @@ def _create_or_check(connection: sqlite3.Connection, study: Study, files: Files)
 
 def _addition(name: str) -> str:
     """The statement that adds a column of results by joint, quantity, limit or arm branch."""
-    kind = result_type(name.removeprefix(FOUND))
+    kind = result_type(name)
     return f"ALTER TABLE runs ADD COLUMN {_definition(name, kind)}"
 
 

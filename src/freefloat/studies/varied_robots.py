@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -147,10 +148,7 @@ class VariedRobot:
 
     def _nominal(self, key: str) -> Array:
         """The value of a field in the section, an inertia as a matrix."""
-        node: Any = self.section
-        for name in key.removeprefix("robot.").split("."):
-            node = getattr(node, name)
-        value = np.array(node, dtype=float)
+        value = np.array(attrgetter(key.removeprefix("robot."))(self.section), dtype=float)
         return _matrices(value) if key.endswith("inertia") else value
 
     def _row(self, part: str, fields: Mapping[str, Array], count: int) -> Array:

@@ -12,7 +12,6 @@ from matplotlib.patches import Circle, Wedge
 
 from freefloat.dynamics.plane import Plane
 from freefloat.motion.problem import Problem
-from freefloat.paths.timed_path import TimedPath
 from freefloat.regions.planar_regions import Interval
 from freefloat.regions.workspace import Workspace
 from freefloat.so3 import Array, Pose
@@ -20,7 +19,6 @@ from freefloat.visualization import figure_style as style
 
 _S = np.linspace(0.0, 1.0, 301)
 """Path parameters at which paths are drawn."""
-_TIP = np.zeros(3)
 _DEPENDENT, _INDEPENDENT, _UNDECIDED = "#D0D0D0", "#E9F5EF", "#F5E6C8"
 _AREAS = {(True, False): ("PDW A", "#C4C4C4"), (False, True): ("PDW B", "#DEDEDE"),
           (True, True): ("PDW A and B", "#A9A9A9")}  # fmt: skip
@@ -39,7 +37,7 @@ def workspace_figure(problem: Problem, workspace: Workspace) -> Figure:
         axes = figure.subplots()
         draw_areas(axes, workspace)
         draw_path(axes, [problem.path.pose_at(_S)], problem.plane, workspace)
-        points = _sampled_path(problem.path, workspace.offset)
+        points = _sampled_path(problem, workspace)
         _draw_crossings(axes, workspace, problem.plane.seen(points)[:, :2])
         style.legend_above(axes, columns=3)
         return figure
@@ -60,7 +58,7 @@ def _draw_section(axes: Any, problem: Problem, workspace: Workspace) -> None:
 
     The cone from the centre of mass over the path is unrolled into the plane of the section.
     """
-    points = _sampled_path(problem.path, workspace.offset)
+    points = _sampled_path(problem, workspace)
     a, b = points[:-1], points[1:]
     steps = np.arctan2(np.linalg.norm(np.cross(a, b), axis=1), (a * b).sum(axis=1))
     angles = np.append(0.0, np.cumsum(steps))
@@ -88,7 +86,7 @@ def _draw_crossings(axes: Any, workspace: Workspace, path: Array) -> None:
 
 def _draw_distances(axes: Any, problem: Problem, workspace: Workspace) -> None:
     """Distance of the path from the centre of mass over the areas."""
-    points = _sampled_path(problem.path, workspace.offset)
+    points = _sampled_path(problem, workspace)
     for label, (low, high), colour in _labelled_areas(workspace):
         axes.axhspan(low, high, color=colour, linewidth=0.0, zorder=0, label=label)
     for radius in workspace.reach:
@@ -100,10 +98,10 @@ def _draw_distances(axes: Any, problem: Problem, workspace: Workspace) -> None:
     axes.set_ylabel(style.axis_label("distance from centre", "m"))
 
 
-def _sampled_path(path: TimedPath, offset: Array = _TIP) -> Array:
-    """Positions of a point of the end-effector along a path [m], shape (K, 3)."""
-    poses = path.pose_at(_S)
-    return poses.position + poses.rotation @ offset
+def _sampled_path(problem: Problem, workspace: Workspace) -> Array:
+    """Positions of the point of a workspace along the path [m], shape (K, 3)."""
+    poses = problem.path.pose_at(_S)
+    return poses.position + poses.rotation @ workspace.offset
 
 
 def _labelled_areas(workspace: Workspace) -> Iterator[tuple[str | None, Interval, str]]:
