@@ -41,7 +41,8 @@ from freefloat.studies.integrity import (
     rows_of_study,
 )
 from freefloat.studies.rows import CSV, FILES, PARQUET, WRITABLE, StudyRows, database_errors, quoted
-from freefloat.studies.study import Study
+from freefloat.studies.study import UNDISTURBED, Study
+from freefloat.studies.study_file import START_KEYS
 from freefloat.studies.workers import Files, study_files
 
 DATABASE, LOCK = "study.sqlite", "study.lock"
@@ -71,21 +72,16 @@ class StudyDatabase:
         self.rows = StudyRows(folder / DATABASE, list(study.variation.columns(0, 1)))
         self._types = self.rows.types
 
-    @property
-    def has_undisturbed_file(self) -> bool:
-        """Whether the file of the undisturbed simulation is there, as it was written."""
-        from freefloat.io.verified_hdf5 import is_whole  # imports slowly
-
-        return is_whole(self.folder / FILES / "undisturbed.h5")
-
-    def worst_without_file(self, count: int) -> list[int]:
-        """Numbers of the ``count`` worst runs, by margin, which have no whole file."""
+    def without_file(self) -> list[int]:
+        """Numbers of the worst runs, by margin, and of the undisturbed one without a whole file."""
         from freefloat.io.verified_hdf5 import is_whole  # imports slowly
 
         order = "margin IS NULL, margin, verdict = 'feasible', number"
         query = f"SELECT number, file FROM runs WHERE verdict != 'error' ORDER BY {order}"
-        ranked = self.rows.query(f"{query} LIMIT {count}")
-        return [number for number, file in ranked if not (file and is_whole(self.folder / file))]
+        files = dict(self.rows.query(f"{query} LIMIT {self._study.kept_files}"))
+        if has_undisturbed_file(self._study):
+            files[UNDISTURBED] = f"{FILES}/undisturbed.h5"
+        return [n for n, file in files.items() if not (file and is_whole(self.folder / file))]
 
     def add(self, numbers: Column, results: Columns) -> None:
         """Commit rows of runs, ascending, with the values of their parameters.
@@ -125,6 +121,13 @@ class StudyDatabase:
             statement = "UPDATE runs SET file = ?, bytes = ? WHERE number = ?"
             self._connection.execute(statement, (file, size, number))
             add_digests(self._connection, columns, self._types)
+
+
+def has_undisturbed_file(study: Study) -> bool:
+    """Whether the simulation of the unvaried scenario is written, too."""
+    return bool(study.initial_attitude(0)) and not any(
+        key in study.content.vary for key in START_KEYS
+    )
 
 
 def _definition(name: str, kind: str) -> str:

@@ -13,10 +13,10 @@ import numpy as np
 from freefloat.concurrency import available_cores
 from freefloat.so3 import IntArray
 from freefloat.studies.columns import ERROR, NUMBER, Columns, finite
-from freefloat.studies.database import DATABASE, open_results
+from freefloat.studies.database import DATABASE, has_undisturbed_file, open_results
 from freefloat.studies.disturbances import FEWEST, Chunk, group_numbers, why_alone
 from freefloat.studies.run import RunResult, execute
-from freefloat.studies.runner import has_undisturbed_file, require_usable
+from freefloat.studies.runner import require_usable
 from freefloat.studies.study import Study
 from freefloat.studies.study_file import Command
 from freefloat.studies.workers import PortableStudy, study_files

@@ -25,7 +25,7 @@ from freefloat.studies.disturbances import group_numbers
 from freefloat.studies.results import StudyResult
 from freefloat.studies.rows import save_tables
 from freefloat.studies.study import UNDISTURBED, Study
-from freefloat.studies.study_file import START_KEYS, Command
+from freefloat.studies.study_file import Command
 from freefloat.studies.workers import PortableStudy, completed_in_pool, study_files
 
 if TYPE_CHECKING:
@@ -235,9 +235,7 @@ class _Execution:
         study = self.sent.study
         if not study.kept_files:
             return
-        numbers = self.database.worst_without_file(study.kept_files)
-        if has_undisturbed_file(study) and not self.database.has_undisturbed_file:
-            numbers.append(UNDISTURBED)
+        numbers = self.database.without_file()
         if not numbers:
             return
         with stages(f"{len(numbers):,} result file{'s' * (len(numbers) > 1)}") as progress:
@@ -266,10 +264,3 @@ class _Execution:
             for number, result in completed:
                 run = result or RunResult(number, error_values(_KILLED))
                 yield run.written(folder)
-
-
-def has_undisturbed_file(study: Study) -> bool:
-    """Whether the simulation of the unvaried scenario is written, too."""
-    return bool(study.initial_attitude(0)) and not any(
-        key in study.content.vary for key in START_KEYS
-    )
