@@ -19,7 +19,7 @@ from freefloat.io.files import make_folder, written_beside
 
 if TYPE_CHECKING:
     from freefloat.studies.dry_run import StudyEstimate
-    from freefloat.studies.results import Combination, StudyResult
+    from freefloat.studies.results import StudyResult
     from freefloat.studies.study import Study
 
 _MAX_ROWS = 20
@@ -121,10 +121,9 @@ def batch(
     if as_json:
         console.json(result.to_dict())
     console.tables(_result_lines(result))
-    if not (as_json or quiet):
-        console.tables(_percentile_tables(result))
-        console.tables(_sensitivity_tables(result))
-        console.tables(_combination_tables(result.combinations))
+    console.tables(_percentile_tables(result))
+    console.tables(_sensitivity_tables(result))
+    console.tables(_combination_tables(result))
     if result.errors:
         number, error = next(iter(result.errors.items()))
         count = result.verdicts["error"]
@@ -263,8 +262,9 @@ def _sensitivity_tables(result: StudyResult) -> Iterator[RenderableType]:
         yield result.sensitivity_remark
 
 
-def _combination_tables(combinations: list[Combination]) -> Iterator[RenderableType]:
+def _combination_tables(result: StudyResult) -> Iterator[RenderableType]:
     """The feasible runs by combination of listed values."""
+    combinations = result.combinations
     if not combinations:
         return
     rows = table(*combinations[0].parameters, "feasible", "of", "smallest margin")

@@ -184,7 +184,8 @@ def _setting_lines(scenario: Scenario, setting: dict[str, Any]) -> Iterator[str]
     """Goal, scene, limits and system in lines, each with its key in the scenario."""
     for section in ("goal", "scene", "limits"):
         for key, value in (setting[section] or {}).items():
-            for entry in value if _are_records(value) else (value,):
+            several = isinstance(value, list) and all(isinstance(part, dict) for part in value)
+            for entry in value if several else (value,):
                 if entry:
                     yield f"{section}.{key}: {_text(entry)}"
     system = scenario.system()
@@ -195,10 +196,6 @@ def _setting_lines(scenario: Scenario, setting: dict[str, Any]) -> Iterator[str]
         yield f"momentum in wheels: {decimals(system.wheels)} N m s, spacecraft axes"
     if system.drift.any():
         yield f"drift of the centre of mass: {decimals(system.drift)} m/s"
-
-
-def _are_records(value: Any) -> bool:
-    return isinstance(value, list) and all(isinstance(entry, dict) for entry in value)
 
 
 def _text(value: Any) -> str:
