@@ -123,9 +123,8 @@ def motion_scene(
         _draw(builder, name, sampled, scale, place, start, broken.get(name, ""))
         for name, sampled, place in zip(motions, samples, places, strict=True)
     )
-    others = dict.fromkeys(item for sampled in samples for item in sampled.surroundings.items)
-    others |= {POINTING: None} if pointing else {}
-    others |= {overlays.TABLE: None} if setting.model.on_table else {}
+    others = [item for sampled in samples for item in sampled.surroundings.items]
+    others += [POINTING] * bool(pointing) + [overlays.TABLE] * setting.model.on_table
     items = {item: item != overlays.AREAS or planar for item in (ROBOT, *overlays.ITEMS, *others)}
     remarks = dict.fromkeys(
         text
