@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import lru_cache
 from itertools import pairwise
 from typing import Any
 
@@ -223,17 +222,10 @@ def outline_points(motion: Motion, time: float) -> Iterator[tuple[SceneBody, Arr
     _, attitudes, joints = motion.evaluate(motion.coordinates_at([time]))
     poses = scene_poses(motion.law, time, attitudes[0], joints[0])
     for body, pose in zip(motion.setting.scene.bodies, poses, strict=True):
-        for points in _body_points(body):
+        for visual in body_visuals(0, body).shapes:
+            place = visual.placement
+            points = place.position + _points(visual.shape) @ place.rotation.T
             yield body, pose.position + points @ pose.rotation.T
-
-
-@lru_cache(maxsize=64)
-def _body_points(body: SceneBody) -> tuple[Array, ...]:
-    """Points of the shapes of a body in its frame [m], shape (K, 3) each."""
-    return tuple(
-        visual.placement.position + _points(visual.shape) @ visual.placement.rotation.T
-        for visual in body_visuals(0, body).shapes
-    )
 
 
 def _points(shape: Shape) -> Array:
