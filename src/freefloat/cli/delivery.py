@@ -29,8 +29,8 @@ _PAGE = '<pre style="line-height: 1.3; white-space: pre; overflow-x: auto">{code
 class Delivery:
     """The console, and the files that a command is to write; None for those not wanted.
 
-    They are a result file, a page, and a folder of figures, which are drawn on so many threads, by
-    default on all cores.
+    The files are a result file, a page and a folder of figures. Threads draw the figures, by
+    default one for each core.
     """
 
     console: Console

@@ -224,7 +224,7 @@ def bound_ratios(
 ) -> tuple[dict[str, Array], BoolArray]:
     """Nominal bounds over the bounds of runs by key, and whether all bounds of a run are accepted.
 
-    Nominal are the problem's values of the keys of bounds that vary.
+    ``nominal`` are the problem's values of the keys of bounds that vary.
     """
     ratios, fits = dict[str, Array](), np.ones(count, dtype=bool)
     for key, value in nominal.items():
@@ -243,8 +243,8 @@ def limit_scales(
 ) -> Array | None:
     """Factors on the ratios of Q quantities of limits, shape (K, Q); None where none varies.
 
-    The ratios are nominal bounds over the bounds of K runs by key; of each limit the joints, or
-    other names, of its quantities are given, and the limits of axes.
+    The ratios are nominal bounds over the bounds of K runs by key, ``limits`` the joints, or other
+    names, of the quantities of each limit, ``pointing`` the limits of axes.
     """
     if not ratios:
         return None

@@ -32,8 +32,8 @@ _SAME_NUMBER = 1e-9
 class Combination:
     """Results of the runs with the same listed values.
 
-    They are the numbers of feasible runs and of runs without error, and the smallest margin, None
-    if no run has one.
+    Among so many runs without error, ``cases``, some are feasible; the smallest margin is None if
+    no run has one.
     """
 
     parameters: dict[str, Any] = field(hash=False)

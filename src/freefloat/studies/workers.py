@@ -46,7 +46,7 @@ Result = TypeVar("Result")
 class PortableStudy:
     """A study with the files that its scenarios name.
 
-    There are none where they are read at their own places.
+    Without files, these are read at their own places.
     """
 
     study: Study

@@ -125,9 +125,9 @@ def joint_space_figure(
 ) -> Figure:
     """The figure of curves I to IV, of radii of point 3 and of motions (Figs. 2a and 3).
 
-    S depends on two joint angles. The chosen motion is the first; of each motion the legend has the
-    reason, what it violates besides the margin, empty for nothing. Touching are motions that just
-    keep the margin, with their touch points: C inside the path (Case I), E at an end (Case II).
+    S depends on two joint angles. The chosen motion is the first. Reasons say in the legend what
+    each motion violates besides the margin, empty for nothing. Touching are motions that just keep
+    the margin, with their touch points: C inside the path (Case I), E at an end (Case II).
     """
     figure = style.new_figure(style.COLUMN, 4.0 if motions or touching else 3.6)
     axes = figure.subplots()

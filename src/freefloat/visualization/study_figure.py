@@ -63,9 +63,9 @@ def study_figure(
     the largest ratios of limits the place of the margins. Of more than twelve parameters those with
     the largest effect are drawn. Above 1,000 runs their panels show how many runs there are.
 
-    The table has the columns verdict, margin, margin_required, measure, the parameters, by which
-    their labels are given, and limiting if it is known; ratios are the largest of a limit along
-    each run, NaN where it is not known.
+    The table has the columns verdict, margin, margin_required, measure, the parameters, and
+    limiting if it is known. Parameters are labels of the horizontal axes by column, ratios the
+    largest ratio of a limit along each run, NaN where it is not known.
     """
     limiting = table.get("limiting", np.array([], dtype=object))
     known, others = limiting.astype(bool), ~np.isin(limiting.astype(str), _OF_MARGIN)

@@ -56,11 +56,11 @@ class Trail:
 class TitledScene:
     """A motion, an arm branch of a map, or a map of the joint space, shown by its title.
 
-    A motion begins and ends at times [s]; how it ended is a word, and a sentence in the verdict.
-    Ending, verdict and trail are None for maps. The lines are the text of a map, or warnings about
-    a motion. The origin is the place of its coordinates in the scene [m], the margin the required
-    magnitude of the measure, zero for none. Whether a motion keeps it is known between the values
-    of the trail, too.
+    A motion begins and ends at times [s]; the ending is a word, the verdict a sentence on how it
+    ended. Ending, verdict and trail are None for maps. The lines are the text of a map, or warnings
+    about a motion. The origin is the place of its coordinates in the scene [m], the margin the
+    required magnitude of the measure, zero for none. Whether a motion keeps it is known between the
+    values of the trail, too.
     """
 
     title: str
