@@ -12,7 +12,6 @@ from freefloat.beyond.missions.goals.query import Query
 from freefloat.beyond.missions.goals.relaxation import Relaxation, TermWeights
 from freefloat.limits.kinds.clearance import ClearanceLimit
 from freefloat.limits.kinds.joint_torque import JointTorqueLimit
-from freefloat.limits.limits import LimitChecker
 from freefloat.limits.result import LimitResult
 from freefloat.motion.law import JointLaw
 from freefloat.motion.motion import Motion
