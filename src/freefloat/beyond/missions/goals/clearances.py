@@ -125,9 +125,15 @@ class _Seen(NamedTuple):
 class Clearances:
     """Distances of the pairs of a robot and its scene along joint paths."""
 
-    def __init__(self, setting: Setting, pairs: CollisionPairs, clearance: float) -> None:
-        """Prepare the pairs that keep a clearance [m]; the margins grow by :meth:`widen`."""
-        self._setting, self._pairs, self._clearance = setting, pairs, clearance
+    def __init__(
+        self, setting: Setting, pairs: CollisionPairs, joints: Array, attitude: Array
+    ) -> None:
+        """Prepare the pairs; margins grow by :meth:`widen`.
+
+        No larger distances are required than with the joints (n,) and the attitude (3, 3) at the
+        start.
+        """
+        self._setting, self._pairs, self._clearance = setting, pairs, pairs.clearance
         self._arm, self._bodies = PlacedArm.of(setting.model), pairs.bodies
         centres, radii = pairs.spheres
         balls = np.column_stack([self._bodies.ravel(), centres.reshape(-1, 3), radii.ravel()])
@@ -135,24 +141,19 @@ class Clearances:
         self._ball_of = numbers.reshape(-1, 2)
         self._larger_first = np.argsort(-self._balls[self._ball_of, 4], axis=1, kind="stable")
         self._margins = np.full(len(pairs.pairs), _MARGIN)
-        self._known = np.full(len(pairs.pairs), np.inf)
         self._seen = dict[int, _Seen]()
         self._scene = SceneFrames(setting)
+        numbers = np.arange(len(self._bodies))
+        place = ScenePlaces(np.zeros(1), attitude[None], Placements.of(self._arm, joints[None]))
+        first, none = np.zeros_like(numbers), np.full(len(numbers), -np.inf)
+        scene = self._scene.along(place)
+        self._known, _, _ = pairs.nearest(joints[None], first, numbers, scene, none)
 
     @property
     def required(self) -> Array:
         """The distances that are required [m], shape (P,)."""
         least = self._clearance + _MARGIN / 20.0
         return np.clip(self._known - _MARGIN / 20.0, least, self._clearance + self._margins)
-
-    def allow_start(self, joints: Array, attitude: Array) -> None:
-        """Require no larger distances than there are where a path begins."""
-        bodies = np.arange(len(self._bodies))
-        place = ScenePlaces(np.zeros(1), attitude[None], Placements.of(self._arm, joints[None]))
-        first, none = np.zeros_like(bodies), np.full(len(bodies), -np.inf)
-        scene = self._scene.along(place)
-        distances, _, _ = self._pairs.nearest(joints[None], first, bodies, scene, none)
-        self._known = np.minimum(self._known, distances)
 
     def widen(self, violation: LimitResult) -> bool:
         """See :class:`~freefloat.beyond.missions.goals.violations.ShapeLimits`."""

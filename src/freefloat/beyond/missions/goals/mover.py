@@ -143,12 +143,10 @@ def move_from(query: Query, *, seed: int = 0, progress: Progress | None = None) 
 
 def _search(query: Query, progress: Progress | None) -> GoalSearch:
     """The search for motions to a goal."""
-    setting, checker, limits = query.setting, query.checker, query.limits
-    shapes: list[ShapeLimits] = [StateLimits(setting, limits, query.start.attitude)]
-    if checker.pairs is not None:
-        clearances = Clearances(setting, checker.pairs, checker.pairs.clearance)
-        clearances.allow_start(query.start.joints, query.attitude)
-        shapes.append(clearances)
+    setting, start, pairs = query.setting, query.start, query.checker.pairs
+    shapes: list[ShapeLimits] = [StateLimits(setting, query.limits, start.attitude)]
+    if pairs is not None:
+        shapes.append(Clearances(setting, pairs, start.joints, query.attitude))
     families = list(families_of(query, shapes))
     return GoalSearch(families, Certification(query), step_of(progress, 0.0, 1.0))
 
