@@ -8,6 +8,7 @@ import numpy as np
 
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.rigid_bodies import held_value
+from freefloat.robot.urdf_xml import text_of
 from freefloat.rotations import Rotation
 
 
@@ -68,5 +69,5 @@ def _fix(joint: ET.Element, value: float) -> None:
         xyz += rotation.apply(axis)
     else:
         rotation *= Rotation.from_rotvec(axis)
-    origin.set("xyz", " ".join(map(repr, xyz.tolist())))
-    origin.set("rpy", " ".join(map(repr, rotation.as_rpy().tolist())))
+    origin.set("xyz", text_of(xyz))
+    origin.set("rpy", text_of(rotation.as_rpy()))

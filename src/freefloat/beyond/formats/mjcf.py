@@ -35,7 +35,7 @@ from freefloat.errors import ModelError, one_line
 from freefloat.robot.free_base import add_table
 from freefloat.robot.named_files import is_file
 from freefloat.robot.reader_process import MEMORY, UrdfText
-from freefloat.robot.urdf_xml import PAIR
+from freefloat.robot.urdf_xml import PAIR, text_of
 from freefloat.so3 import Array
 
 _EFFORT, _VELOCITY = "1e9", "1e9"
@@ -170,7 +170,7 @@ def _add_shapes(link: ET.Element, model: Any, body: int, anchor: Array) -> None:
             case "cylinder" | "capsule":
                 attributes = {"radius": repr(size[0]), "length": repr(2.0 * size[1])}
             case "box":
-                attributes = {"size": " ".join(repr(2.0 * edge) for edge in size)}
+                attributes = {"size": text_of(2.0 * model.geom_size[geom])}
             case _:
                 continue
         for kind in ("visual", "collision") if any(contact_bits(model, geom)) else ("visual",):
@@ -179,7 +179,7 @@ def _add_shapes(link: ET.Element, model: Any, body: int, anchor: Array) -> None:
             ET.SubElement(ET.SubElement(element, "geometry"), shape, attributes)
             if kind == "visual":
                 material = ET.SubElement(element, "material", name=f"geom_{geom}")
-                ET.SubElement(material, "color", rgba=_text(model.geom_rgba[geom]))
+                ET.SubElement(material, "color", rgba=text_of(model.geom_rgba[geom]))
 
 
 def _add_joints(
@@ -224,7 +224,7 @@ def _add_joint(
     ET.SubElement(element, "parent", link=ends[0])
     ET.SubElement(element, "child", link=ends[1])
     if joint is not None:
-        ET.SubElement(element, "axis", xyz=_text(model.jnt_axis[joint]))
+        ET.SubElement(element, "axis", xyz=text_of(model.jnt_axis[joint]))
         limits = {"effort": _EFFORT, "velocity": _VELOCITY}
         if limited:
             low, high = model.jnt_range[joint].tolist()
@@ -287,9 +287,4 @@ def _add_origin(element: ET.Element, position: Array, rotation: Array) -> None:
     pitch = np.arctan2(-rotation[2, 0], np.hypot(rotation[0, 0], rotation[1, 0]))
     roll = np.arctan2(sine * rotation[0, 2] - cosine * rotation[1, 2],
                       cosine * rotation[1, 1] - sine * rotation[0, 1])  # fmt: skip
-    rpy = np.array([roll, pitch, yaw])
-    ET.SubElement(element, "origin", xyz=_text(position), rpy=_text(rpy))
-
-
-def _text(values: Array) -> str:
-    return " ".join(repr(float(value)) for value in values)
+    ET.SubElement(element, "origin", xyz=text_of(position), rpy=text_of([roll, pitch, yaw]))

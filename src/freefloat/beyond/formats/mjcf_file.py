@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
-from collections.abc import Iterable, Iterator
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -16,11 +15,9 @@ from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.rigid_bodies import Body
 from freefloat.robot.shapes import Box, Capsule, Cylinder, MeshFile, Sphere
 from freefloat.robot.source import MeshFileError, find_mesh
+from freefloat.robot.urdf_xml import text_of
 from freefloat.rotations import Rotation, rotation_matrix
 from freefloat.so3 import Array, Pose
-
-if TYPE_CHECKING:
-    from freefloat.robot.meshes import Mesh
 
 _LIGHTEST = "1e-9"
 """Mass and inertia of bodies without mass, which MuJoCo refuses [kg, kg m²]."""
@@ -78,9 +75,9 @@ def _state(trajectory: Trajectory, k: int) -> dict[str, str]:
         position = [place[:2], headings[[k]], trajectory.joints[k]]
         rates = [velocity[:2], omega[2:], trajectory.joint_rates[k]]
     return {
-        "qpos": _attribute(np.concatenate(position)),
-        "qvel": _attribute(np.nan_to_num(np.concatenate(rates))),
-        "ctrl": _attribute(np.nan_to_num(trajectory.joint_torques[k])),
+        "qpos": text_of(np.concatenate(position)),
+        "qvel": text_of(np.nan_to_num(np.concatenate(rates))),
+        "ctrl": text_of(np.nan_to_num(trajectory.joint_torques[k])),
     }
 
 
@@ -134,15 +131,15 @@ def _body(parent: ET.Element, name: str, body: Body) -> ET.Element:
     if parent.tag == "body":
         kind = "slide" if body.prismatic else "hinge"
         finite = np.isfinite([body.lower, body.upper]).all() and body.lower < body.upper
-        more = {"range": _attribute([body.lower, body.upper])} if finite else {}
+        more = {"range": text_of([body.lower, body.upper])} if finite else {}
         more |= {"armature": repr(body.armature)} if body.armature else {}
         _add(  # a motion may leave ranges: the plan says whether they are limits
-            element, "joint", name=body.joint, type=kind, axis=_attribute(body.axis),
+            element, "joint", name=body.joint, type=kind, axis=text_of(body.axis),
             limited="false", **more,
         )  # fmt: skip
     moments, axes = np.linalg.eigh(body.inertia)
     axes[:, 0] *= np.linalg.det(axes)
-    inertia, place = _attribute(np.maximum(moments, 0.0)), _place(Pose(body.centre, axes))
+    inertia, place = text_of(np.maximum(moments, 0.0)), _place(Pose(body.centre, axes))
     _add(element, "inertial", mass=repr(body.mass), diaginertia=inertia, **place)
     return element
 
@@ -152,7 +149,7 @@ def _add_shapes(
 ) -> None:
     """Add the shapes of a link that are drawn; they collide with nothing."""
     for shape in model.description.links_by_name[link].visuals:
-        colour = {} if shape.colour is None else {"rgba": _attribute(shape.colour)}
+        colour = {} if shape.colour is None else {"rgba": text_of(shape.colour)}
         for geometry in _geometries(model, shape, assets):
             looks = geometry | colour | _place(place @ shape.origin)
             _add(body, "geom", contype="0", conaffinity="0", **looks)
@@ -164,13 +161,13 @@ def _geometries(
     """Attributes of the geometries of a shape."""
     match shape.geometry:
         case Box(size):
-            yield {"type": "box", "size": _attribute(size / 2.0)}
+            yield {"type": "box", "size": text_of(size / 2.0)}
         case Cylinder(radius, length):
-            yield {"type": "cylinder", "size": _attribute([radius, length / 2.0])}
+            yield {"type": "cylinder", "size": text_of([radius, length / 2.0])}
         case Capsule(radius, length):
-            yield {"type": "capsule", "size": _attribute([radius, length / 2.0])}
+            yield {"type": "capsule", "size": text_of([radius, length / 2.0])}
         case Sphere(radius):
-            yield {"type": "sphere", "size": _attribute([radius])}
+            yield {"type": "sphere", "size": text_of([radius])}
         case MeshFile(filename, scale):
             try:
                 from freefloat.robot.meshes import read_mesh  # Trimesh imports slowly
@@ -179,16 +176,10 @@ def _geometries(
             except MeshFileError:
                 return
             for part in parts:
-                yield {"type": "mesh", "mesh": _add_mesh(assets, part.mesh)}
-
-
-def _add_mesh(assets: ET.Element, mesh: Mesh) -> str:
-    """Add a mesh to the assets; its name."""
-    name = f"mesh_{len(assets)}"
-    faces = " ".join(map(str, mesh.faces.ravel().tolist()))
-    vertices = _attribute(mesh.vertices.ravel())
-    _add(assets, "mesh", name=name, inertia="shell", vertex=vertices, face=faces)
-    return name
+                name, mesh = f"mesh_{len(assets)}", part.mesh
+                vertices, faces = text_of(mesh.vertices), text_of(mesh.faces)
+                _add(assets, "mesh", name=name, inertia="shell", vertex=vertices, face=faces)
+                yield {"type": "mesh", "mesh": name}
 
 
 def _add(parent: ET.Element, tag: str, **attributes: str) -> ET.Element:
@@ -197,9 +188,4 @@ def _add(parent: ET.Element, tag: str, **attributes: str) -> ET.Element:
 
 def _place(pose: Pose) -> dict[str, str]:
     quaternion = np.roll(Rotation.from_matrix(pose.rotation).as_quat(), 1)  # w, x, y, z
-    return {"pos": _attribute(pose.position), "quat": _attribute(quaternion)}
-
-
-def _attribute(values: Iterable[float]) -> str:
-    """Numbers as the text of an attribute, with all digits."""
-    return " ".join(repr(float(value)) for value in values)
+    return {"pos": text_of(pose.position), "quat": text_of(quaternion)}
