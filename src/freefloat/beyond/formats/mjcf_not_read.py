@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import replace
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -84,14 +85,9 @@ def not_read(model: Any, bodies: Collection[int], documents: Iterable[Path]) -> 
     The documents are the file, then the files that it includes.
     """
     main, *included = map(_parsed, documents)
-    lines = {} if main is None else _lines(main)
     seen = set[tuple[str, str]]()
-    for entry in (
-        *_of_model(model, bodies, lines),
-        *(() if main is None else _of_file(main)),
-        *(replace(entry, line=None) for root in included if root is not None
-          for entry in _of_file(root)),
-    ):  # fmt: skip
+    elsewhere = (replace(entry, line=None) for root in included for entry in _of_file(root))
+    for entry in chain(_of_model(model, bodies, _lines(main)), _of_file(main), elsewhere):
         if (entry.element, entry.attribute) not in seen:
             seen.add((entry.element, entry.attribute))
             yield entry
@@ -215,7 +211,7 @@ def _of_file(root: Any) -> Iterator[NotRead]:
 
 
 def _parsed(path: Path) -> Any:
-    """The root of an XML file; None where it is none: MuJoCo accepts more than XML."""
+    """The root of an XML file, an empty one of another file: MuJoCo accepts more than XML."""
     parser = etree.XMLParser(
         encoding="utf-8", no_network=True, resolve_entities=False, remove_comments=True
     )
@@ -223,7 +219,7 @@ def _parsed(path: Path) -> Any:
         text = read_text(path)
         root = etree.fromstring(text.encode(), parser)
     except (ValueError, SyntaxError):
-        return None
+        return etree.Element("mujoco")
     lines = text.split("\n")
     for element in root.iter("*"):  # lxml has the line of a start tag's end
         while element.sourceline > 1 and f"<{element.tag}" not in lines[element.sourceline - 1]:
