@@ -92,8 +92,10 @@ class JointSection:
         found, names = self.found, self.found.model.joint_names
         fixed = {names.index(name): value for name, value in found.fixed.items()}
         values = {joint: float(self.at[joint]) for joint in found.joints} | fixed
-        constant_joints = sorted(set(values) - set(self.joints))
-        return ", ".join(joint_value(found, joint, values[joint]) for joint in constant_joints)
+        return ", ".join(
+            f"{style.plain(names[joint])} = {joint_text(found, joint, values[joint])}"
+            for joint in sorted(set(values) - set(self.joints))
+        )
 
 
 def section(
@@ -103,10 +105,8 @@ def section(
 
     Raises an InputError if ``at`` is not a finite value for each joint.
     """
-    if at is None:
-        values = reference_configuration(found)
-    else:
-        values = finite_vector("at", at, len(found.model.joint_names))
+    at = reference_configuration(found) if at is None else at
+    values = finite_vector("at", at, len(found.model.joint_names))
     return JointSection(found, tuple(joints), values)
 
 
@@ -115,11 +115,10 @@ def joint_unit(found: SingularityMap, joint: int) -> tuple[str, float]:
     return ("m", 1.0) if found.polynomial.bases[joint].prismatic else ("deg", 180.0 / np.pi)
 
 
-def joint_value(found: SingularityMap, joint: int, value: float) -> str:
-    """A joint's name and value, such as ``q1 = 30°``."""
+def joint_text(found: SingularityMap, joint: int, value: float) -> str:
+    """A joint's value with its unit, such as ``30°``."""
     unit, factor = joint_unit(found, joint)
-    name = style.plain(found.model.joint_names[joint])
-    return f"{name} = {style.digits(factor * value)}" + ("°" if unit == "deg" else " m")
+    return style.digits(factor * value) + ("°" if unit == "deg" else " m")
 
 
 def influential_joints(found: SingularityMap, count: int) -> list[int]:

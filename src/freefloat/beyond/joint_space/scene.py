@@ -6,7 +6,7 @@ Each joint's range is two metres long in the scene.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from itertools import permutations, product
+from itertools import combinations, permutations, product
 
 import numpy as np
 import numpy.typing as npt
@@ -16,7 +16,7 @@ from matplotlib.colors import to_hex
 from freefloat.beyond.joint_space.figures import (
     JointSection,
     influential_joints,
-    joint_unit,
+    joint_text,
     section,
 )
 from freefloat.beyond.joint_space.singularity_map import Kind, SingularityMap
@@ -163,8 +163,8 @@ def _draw_box(builder: SceneBuilder, root: str, part: JointSection) -> list[Labe
     """Draw the edges of the cube and return the labels of its axes."""
     labels = []
     corners = list(product((-1.0, 1.0), repeat=3))
-    pairs = ((a, b) for a, b in product(corners, corners) if a < b)
-    edges = ((a, b) for a, b in pairs if np.subtract(b, a).tolist().count(0) == 2)
+    pairs = combinations(corners, 2)
+    edges = (pair for pair in pairs if np.subtract(*pair).tolist().count(0) == 2)
     for number, (a, b) in enumerate(edges):
         line = tube(np.array([a, b]), 0.006)
         builder.mesh(f"{root}/{BOX}/{number}", line, _GREY, shaded=False)
@@ -180,10 +180,8 @@ def _draw_box(builder: SceneBuilder, root: str, part: JointSection) -> list[Labe
 def _scales(part: JointSection) -> Iterator[tuple[str, str, str]]:
     """Yield the lower end, the name and the upper end of each axis."""
     for joint, low, high in zip(part.joints, part.lower, part.upper, strict=True):
-        unit, factor = joint_unit(part.found, joint)
-        mark = "°" if unit == "deg" else " m"
-        name = part.found.model.joint_names[joint]
-        yield digits(factor * low) + mark, name, digits(factor * high) + mark
+        first, last = (joint_text(part.found, joint, value) for value in (low, high))
+        yield first, part.found.model.joint_names[joint], last
     if len(part.joints) == 2:
         yield digits(-1.0), "det A / max", "1"
 
