@@ -156,7 +156,19 @@ class GoalAnalysis(Analysis):
 
     def outline(self) -> WorkerAnswer:
         """The goal, its handle and the values of the sliders."""
-        return WorkerAnswer("outline", _goal_outline(self._scenario, self._posed))
+        setting = self._setting
+        content = {
+            "is_goal": True,
+            "planar": setting.has_headings,
+            "normal": setting.plane.normal.tolist() if setting.has_headings else None,
+            "size": thickness(setting),
+            "lines": [],
+            **_handle(self._scenario, self._posed),
+            "momentum": setting.momentum.tolist(),
+            "duration": self._posed.goal.duration,
+            "margin": None,
+        }
+        return WorkerAnswer("outline", content)
 
     def urgent(self, state: WorkerState, progress: Progress) -> WorkerAnswer | None:
         """A sketch while the goal is dragged, then the motion and its limits."""
@@ -197,22 +209,6 @@ class GoalAnalysis(Analysis):
     def _showing(self, state: WorkerState, motion: Motion | None, outcome: str) -> WorkerAnswer:
         """Show a motion, or the present attitude where there is none."""
         return self._show(state, motion, self._setting, self._posed.present[0], "goal", outcome)
-
-
-def _goal_outline(scenario: Scenario, posed: Any) -> dict[str, Any]:
-    """The outline of a scenario with a goal, from what the section asks for."""
-    setting = posed.setting
-    return {
-        "is_goal": True,
-        "planar": setting.has_headings,
-        "normal": setting.plane.normal.tolist() if setting.has_headings else None,
-        "size": thickness(setting),
-        "lines": [],
-        **_handle(scenario, posed),
-        "momentum": setting.momentum.tolist(),
-        "duration": posed.goal.duration,
-        "margin": None,
-    }
 
 
 def _handle(scenario: Scenario, posed: Any) -> dict[str, Any]:

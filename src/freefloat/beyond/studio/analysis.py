@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from freefloat.beyond.studio.answers import limits_answer, motion_answer, place, playback_of
+from freefloat.beyond.studio.answers import limits_answer, place, playback_of
 from freefloat.beyond.studio.messages import WorkerAnswer, WorkerState
 from freefloat.concurrency import Progress
 from freefloat.dynamics.joint_space import largest_measure
@@ -79,7 +79,8 @@ class Analysis(ABC):
             content = {"outcome": outcome, **place(setting, attitude)}
         else:
             playback = playback_of(motion, self._limits, self._source.stem)
-            content = motion_answer(motion, playback, title, outcome)
+            shown = place(motion.setting, motion.initial.attitude)
+            content = {**playback.parts(), **shown, "title": title, "outcome": outcome}
         return WorkerAnswer("motion", {**content, "choice": state.choice})
 
     def _show_limits(self, results: Sequence[LimitResult]) -> WorkerAnswer:

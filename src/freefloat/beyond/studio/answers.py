@@ -206,16 +206,6 @@ def playback_of(
     return Playback(motion_scene({_TITLE: motion}, title, limits, violations=violations))
 
 
-def motion_answer(motion: Motion, playback: Playback, title: str, outcome: str) -> dict[str, Any]:
-    """The motion as the page plays it, with a title and its outcome."""
-    return {
-        **playback.parts(),
-        **place(motion.setting, motion.initial.attitude),
-        "title": title,
-        "outcome": outcome,
-    }
-
-
 def place(setting: Setting, attitude: Array) -> dict[str, Any]:
     """An attitude as a quaternion, and where the ball and the dial show it."""
     heading = float(np.degrees(setting.plane.heading(attitude))) if setting.has_headings else None

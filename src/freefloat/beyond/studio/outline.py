@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from typing import Any
 
 import numpy as np
@@ -133,7 +132,5 @@ def _end_angles(
 
 def rounded_rpy(rotation: Array) -> list[float]:
     """Roll, pitch and yaw of a rotation matrix [rad], rounded."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # where the pitch is 90 degrees, any roll will do
-        rpy: list[float] = Rotation.from_matrix(rotation).as_rpy().round(6).tolist()
+    rpy: list[float] = Rotation.from_matrix(rotation).as_rpy().round(6).tolist()
     return rpy

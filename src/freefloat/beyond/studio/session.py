@@ -107,7 +107,7 @@ class Session:
                 if number == self._sets and sample < len(self._reasons):
                     reply({"type": "reason", "sample": sample, "text": self._reasons[sample]})
             case EditStep(type="save"):
-                self.worker.send(WorkerTask(self._folder / self._document.file_name))
+                self.worker.send(WorkerTask(self._folder / f"{self._document.source.stem}.h5"))
             case EditStep(type=kind):
                 self._step(-1 if kind == "undo" else 1)
             case _:
@@ -241,11 +241,6 @@ class Document:
         text, source = scenario.text, scenario.source
         content = _without_null(parse_yaml(text, source))
         return cls(name, source, text, content, _slider_ends(scenario))
-
-    @property
-    def file_name(self) -> str:
-        """Name of the file of its plan."""
-        return f"{self.source.stem}.h5"
 
     def with_content(self, content: dict[str, Any]) -> Document:
         """The document with other content."""
