@@ -171,7 +171,8 @@ class Plants:
         self._moves = np.isin(range(3), self._prevented, invert=True)
         self._batch = engine.batch(factors)
         self._friction = Friction(friction, *engine.friction_law(self._batch))
-        self._rows = engine.mass_matrix_rows()
+        model = engine.model  # columns of the elements of its mass matrix, and ends of the rows
+        self._rows = model.M_colind.copy(), np.append(model.M_rowadr, model.nC)
         bind = self._batch.bind
         self._at, self._velocities = bind("qpos"), bind("qvel")
         self._mass, self._bias, self._centres = bind("M"), bind("qfrc_bias"), bind("subtree_com")

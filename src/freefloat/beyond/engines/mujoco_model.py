@@ -184,11 +184,6 @@ class MuJoCoModel:
         """MuJoCo's stage that computes poses, the mass matrix and bias forces."""
         return int(self._mujoco.mjtStage.mjSTAGE_VEL)
 
-    def mass_matrix_rows(self) -> tuple[Array, Array]:
-        """Columns of the elements of MuJoCo's mass matrix, and where its rows start and end."""
-        starts = np.append(self.model.M_rowadr, self.model.nC)
-        return self.model.M_colind.copy(), starts
-
     def batch(self, factors: Array) -> Any:
         """Robots with other masses, simulated side by side, without torques of wheels.
 

@@ -40,9 +40,7 @@ def chunks(study: Study, missing: IntArray) -> Iterator[Chunk]:
         groups.setdefault(key, []).append(number)
         if len(groups[key]) == _CHUNK:
             yield _chunk(groups.pop(key))
-    for numbers in groups.values():
-        if len(numbers) >= _FEWEST:
-            yield _chunk(numbers)
+    yield from (_chunk(numbers) for numbers in groups.values() if len(numbers) >= _FEWEST)
 
 
 def _chunk(numbers: list[int]) -> Chunk:

@@ -211,7 +211,11 @@ def track_many(
         8
     """
     require_extra("mujoco", "mujoco")
-    motion = _whole_motion(result)
+    require_type("result", result, Plan | Simulation, "a Plan or a Simulation")
+    if result.chosen is None or not result.chosen.motion.completed:
+        raise InputError("result", "it has no motion along the whole path", "a feasible plan")
+    motion = result.chosen.motion
+    motion.model.require_supported("tracked motions")
     threads = whole_number("threads", available_cores() if threads is None else threads, 1)
     times = _instants(motion.law.timing.duration, period)
     given = {"mass_error": mass_error, "noise": noise, "friction": friction, "seed": seed,
@@ -235,14 +239,6 @@ def track_many(
     firsts = range(0, count, size)
     run_chunks(simulate, firsts, threads)
     return tuple(tracking for first in firsts for tracking in trackings[first])
-
-
-def _whole_motion(result: Plan | Simulation) -> Motion:
-    require_type("result", result, Plan | Simulation, "a Plan or a Simulation")
-    if result.chosen is None or not result.chosen.motion.completed:
-        raise InputError("result", "it has no motion along the whole path", "a feasible plan")
-    result.chosen.motion.model.require_supported("tracked motions")
-    return result.chosen.motion
 
 
 def _instants(duration: float, period: float) -> Array:

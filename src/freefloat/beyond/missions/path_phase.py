@@ -181,8 +181,8 @@ def prescribed_path(
 ) -> TimedPath:
     """A path in the frame of a manoeuvre or of a body, from the present centre of mass.
 
-    The bodies of the scene are seen from there, too; the centre is in the frame of the manoeuvre
-    [m], and drifts [m/s].
+    The bodies of the scene are seen from there, too. The centre (3,) is in the frame of the
+    manoeuvre [m], its drift in [m/s].
     """
     if isinstance(given, RelativePath):
         body = next(body for body in bodies if body.name == given.body.name)

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 def manoeuvre_tables(name: str, manoeuvre: Manoeuvre, verbose: bool) -> Iterator[RenderableType]:
     """The phases in a table, and each limit in the phase that comes nearest to it.
 
-    ``verbose``, states and limits of each phase follow instead.
+    If ``verbose``, states and limits of each phase follow instead.
     """
     yield Text(f"{name}: {manoeuvre.reason}", "green" if manoeuvre.feasible else "red")
     rows = table(

@@ -166,7 +166,7 @@ class JointPaths:
     ) -> JointCourse:
         """A path of a robot from an attitude (3, 3), with derivatives if the order is 1.
 
-        Momenta (2, 3) are those of :func:`march`.
+        For momenta (2, 3) see :func:`march`.
         """
         points = self.control_points(unknowns)
         values = self.gauss @ points
