@@ -53,7 +53,12 @@ class StudyRows:
     """
 
     def __init__(self, file: Path, parameters: Sequence[str]) -> None:
-        """The rows of a database, which may grow meanwhile, with these columns of varied keys."""
+        """The rows of a database, which may grow meanwhile.
+
+        Args:
+            file: The database.
+            parameters: Columns of the varied keys.
+        """
         self._file = file
         self.parameters = tuple(parameters)
 

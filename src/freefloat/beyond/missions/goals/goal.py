@@ -116,7 +116,11 @@ class Goal:
         return None if self.pose is None else bodies.get(self.frame)
 
     def seen_from(self, centre: Array) -> Goal:
-        """The goal in a frame that begins at another place [m] of the centre of mass."""
+        """The goal in a frame that begins at another place of the centre of mass.
+
+        Args:
+            centre: The place in the frame of this goal [m], shape (3,).
+        """
         if self.pose is None or self.frame != "inertial":
             return self
         return replace(self, pose=Pose(self.pose.position - centre, self.pose.rotation))
@@ -130,9 +134,12 @@ class Goal:
         return frames[self.frame] @ self.pose
 
     def target(self, setting: Setting, attitude: Array, joints: Array) -> Target:
-        """What the last state of a motion must be, which begins with an attitude and joints.
+        """What the last state of a motion must be.
 
-        The setting is seen from the centre of mass at the start.
+        Args:
+            setting: Robot, momentum, drift and scene, from the centre of mass at the start.
+            attitude: Attitude of the spacecraft at the start, unit quaternion x, y, z, w.
+            joints: Joint values at the start, shape (n,).
         """
         body = self.body(setting)
         pose = self.pose if body else self.pose_in(setting.model, attitude, joints)
