@@ -31,15 +31,10 @@ class Quantity(NamedTuple):
 
 
 class Known(NamedTuple):
-    """A record of which some fields alone are known; its tree has entries for these.
+    """A record of which some fields alone are known; its tree has entries for these."""
 
-    Attributes:
-        kind: Class of the record.
-        values: The fields by name; a record among them may be such a part, too.
-    """
-
-    kind: type
-    values: Mapping[str, Any]
+    kind: type  # class of the record
+    values: Mapping[str, Any]  # the fields by name; a record among them may be such a part, too
 
 
 class Origin(Enum):

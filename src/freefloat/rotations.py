@@ -28,13 +28,9 @@ def rotation_matrix(quaternion: npt.ArrayLike) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Rotation:
-    """One rotation or many, of any shape; operations broadcast.
+    """One rotation or many, of any shape; operations broadcast."""
 
-    Attributes:
-        quaternions: Unit quaternions x, y, z, w, shape (..., 4).
-    """
-
-    quaternions: Array
+    quaternions: Array  # unit quaternions x, y, z, w, (..., 4)
 
     @classmethod
     def from_quat(cls, quaternions: npt.ArrayLike) -> Rotation:

@@ -62,17 +62,11 @@ class Bounds:
 
 @dataclass(frozen=True, eq=False)
 class Intervals:
-    """Intervals of one length.
+    """Intervals of one length."""
 
-    Attributes:
-        panels: Panel of each interval, shape (K,).
-        middles: Middles of the intervals, by the panel's parameter, shape (K,).
-        half: Half the length of the intervals.
-    """
-
-    panels: IntArray
-    middles: Array
-    half: float
+    panels: IntArray  # panel of each interval, (K,)
+    middles: Array  # middles of the intervals, by the panel's parameter, (K,)
+    half: float  # half the length of the intervals
 
     def halves_of(self, chosen: npt.NDArray[np.bool_]) -> Intervals:
         """The halves of some intervals."""

@@ -60,21 +60,13 @@ from freefloat.so3 import Array
 
 @dataclass(frozen=True, eq=False)
 class SecondDerivatives:
-    """Bounds on the Frobenius norms of the second derivatives of blocks of the system matrix.
+    """Bounds on the Frobenius norms of the second derivatives of blocks of the system matrix."""
 
-    Attributes:
-        D: Bound for the locked inertia.
-        Dq: Bounds for the columns of Dq, shape (n,).
-        base: Bound for the end-effector's rows per spacecraft rate.
-        linear: Bound for the end-effector's linear rows per joint rate.
-        angular: Bound for the end-effector's angular rows per joint rate.
-    """
-
-    D: float
-    Dq: Array
-    base: float
-    linear: float
-    angular: float
+    D: float  # bound for the locked inertia
+    Dq: Array  # bounds for the columns of Dq, (n,)
+    base: float  # bound for the end-effector's rows per spacecraft rate
+    linear: float  # bound for the end-effector's linear rows per joint rate
+    angular: float  # bound for the end-effector's angular rows per joint rate
 
     @property
     def whole(self) -> float:

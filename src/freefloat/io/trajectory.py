@@ -59,17 +59,11 @@ HEADER = Header()
 
 @dataclass(frozen=True, eq=False)
 class Track:
-    """Poses of an end-effector.
+    """Poses of an end-effector."""
 
-    Attributes:
-        arm: Name of its arm; empty for the one on the path of the problem.
-        positions: Positions from the centre of mass, inertial axes [m], shape (K, 3).
-        orientations: Quaternions x, y, z, w of continuous sign, shape (K, 4).
-    """
-
-    arm: str
-    positions: Array
-    orientations: Array
+    arm: str  # name of its arm; empty for the one on the path of the problem
+    positions: Array  # positions from the centre of mass, inertial axes [m], (K, 3)
+    orientations: Array  # quaternions x, y, z, w of continuous sign, (K, 4)
 
 
 @dataclass(frozen=True, eq=False)

@@ -33,19 +33,12 @@ from freefloat.so3 import UPRIGHT, Array
 
 @dataclass(frozen=True, eq=False)
 class UrdfFile:
-    """A robot that was written to a URDF file.
+    """A robot that was written to a URDF file."""
 
-    Attributes:
-        file: The URDF file.
-        model: The robot.
-        meshes: Mesh files of the robot as the URDF names them.
-        missing: A sentence for each mesh file that does not exist.
-    """
-
-    file: Path
-    model: FreeFloatingModel = field(repr=False)
-    meshes: tuple[str, ...] = ()
-    missing: tuple[str, ...] = ()
+    file: Path  # the URDF file
+    model: FreeFloatingModel = field(repr=False)  # the robot
+    meshes: tuple[str, ...] = ()  # mesh files of the robot as the URDF names them
+    missing: tuple[str, ...] = ()  # a sentence for each mesh file that does not exist
 
     @property
     def centre_of_mass(self) -> Array:

@@ -95,17 +95,11 @@ def _from_axis(points: Array, axis: Array) -> float:
 
 @dataclass(frozen=True)
 class Clearance:
-    """The smallest distance between two bodies.
+    """The smallest distance between two bodies."""
 
-    Attributes:
-        distance: Distance of the shapes [m]; negative where they overlap.
-        pair: Index of the pair.
-        time: Time of the smallest distance [s].
-    """
-
-    distance: float
-    pair: int
-    time: float
+    distance: float  # distance of the shapes [m]; negative where they overlap
+    pair: int  # index of the pair
+    time: float  # time of the smallest distance [s]
 
 
 def clearance(

@@ -147,13 +147,9 @@ class Limit(ABC, Generic[Bound]):
 
 
 class JointLimit(Limit[Bound]):
-    """A limit of every joint; ``unit`` is the unit of revolute joints.
+    """A limit of every joint; ``unit`` is the unit of revolute joints."""
 
-    Attributes:
-        prismatic_unit: Unit of prismatic joints; empty where it is the same.
-    """
-
-    prismatic_unit: ClassVar[str] = ""
+    prismatic_unit: ClassVar[str] = ""  # unit of prismatic joints; empty where it is the same
 
     def of_joint(self, motion: Motion, joint: int, **values: Any) -> LimitResult:
         """The result of the joint with a number, with its unit and name."""
@@ -192,17 +188,11 @@ class MagnitudeLimit(JointLimit[Array]):
 
 @dataclass(frozen=True)
 class Number:
-    """A number; an angle is in radians, and in scenario files in degrees.
+    """A number; an angle is in radians, and in scenario files in degrees."""
 
-    Attributes:
-        zero: Whether the number may be zero.
-        most: The largest number that is accepted.
-        angle: Whether the number is an angle.
-    """
-
-    zero: bool = False
-    most: float = LARGEST_NUMBER
-    angle: bool = False
+    zero: bool = False  # whether the number may be zero
+    most: float = LARGEST_NUMBER  # the largest number that is accepted
+    angle: bool = False  # whether the number is an angle
 
     def checked(self, key: str, value: Any) -> float:
         """The value as a float; an InputError that names a key unless it is such a number."""

@@ -36,15 +36,10 @@ Segments: TypeAlias = int | IntArray | None
 
 
 class Rates(NamedTuple):
-    """Rates of a state, or of K states.
+    """Rates of a state, or of K states."""
 
-    Attributes:
-        base: Angular velocity of the spacecraft in its own frame [rad/s], shape (..., 3).
-        joints: Joint rates [rad/s or m/s], shape (..., n).
-    """
-
-    base: Array
-    joints: Array
+    base: Array  # angular velocity of the spacecraft in its own frame [rad/s], (..., 3)
+    joints: Array  # joint rates [rad/s or m/s], (..., n)
 
 
 @dataclass(frozen=True, eq=False)

@@ -88,13 +88,9 @@ class RelativePath:
 
 @dataclass(frozen=True, eq=False)
 class BodyPath(TimedPath):
-    """A relative path in the frame of the scene, by time.
+    """A relative path in the frame of the scene, by time."""
 
-    Attributes:
-        relative: The path in the frame of the body.
-    """
-
-    relative: RelativePath = field(kw_only=True, repr=False)
+    relative: RelativePath = field(kw_only=True, repr=False)  # the path in the frame of the body
 
     def stretched(self, factor: float) -> BodyPath:
         """See :class:`~freefloat.paths.timed_path.TimedPath`; the body moves as before."""

@@ -66,36 +66,22 @@ class UrdfDiagnostic:
 
 @dataclass(frozen=True, eq=False)
 class LinkShape:
-    """A ``<visual>`` or ``<collision>`` of a link.
+    """A ``<visual>`` or ``<collision>`` of a link."""
 
-    Attributes:
-        kind: Which of the two.
-        origin: Frame of the geometry in the link's frame.
-        geometry: None where the URDF describes no known geometry of positive size.
-        colour: Colour of a visual, where the URDF has one.
-        line: Line of its geometry.
-    """
-
-    kind: Literal["visual", "collision"]
-    origin: Pose
-    geometry: Shape | None
-    colour: Colour | None
-    line: int
+    kind: Literal["visual", "collision"]  # which of the two
+    origin: Pose  # frame of the geometry in the link's frame
+    geometry: Shape | None  # none where the URDF describes no known geometry of positive size
+    colour: Colour | None  # colour of a visual, where the URDF has one
+    line: int  # line of its geometry
 
 
 @dataclass(frozen=True, eq=False)
 class Inertial:
-    """Mass properties of a link.
+    """Mass properties of a link."""
 
-    Attributes:
-        mass: Mass of the link [kg].
-        origin: Frame of the inertia in the link's frame; its origin is the centre of mass.
-        inertia: Inertia about the centre of mass, axes of ``origin`` [kg m²], shape (3, 3).
-    """
-
-    mass: float
-    origin: Pose
-    inertia: Array
+    mass: float  # mass of the link [kg]
+    origin: Pose  # frame of the inertia in the link's frame; its origin is the centre of mass
+    inertia: Array  # inertia about the centre of mass, axes of ``origin`` [kg m²], (3, 3)
 
 
 @dataclass(frozen=True, eq=False)

@@ -35,19 +35,12 @@ _TINY = 1e-15
 
 
 class Fault(NamedTuple):
-    """An error or a warning before its severity is known.
+    """An error or a warning before its severity is known."""
 
-    Attributes:
-        element: The link, joint or robot concerned.
-        where: Tag of an element in it, or a line.
-        problem: What is wrong, with its numbers.
-        remedy: What to write instead.
-    """
-
-    element: Link | Joint | RobotDescription
-    where: str | int
-    problem: str
-    remedy: str
+    element: Link | Joint | RobotDescription  # the link, joint or robot concerned
+    where: str | int  # tag of an element in it, or a line
+    problem: str  # what is wrong, with its numbers
+    remedy: str  # what to write instead
 
     @property
     def line(self) -> int:

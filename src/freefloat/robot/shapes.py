@@ -52,15 +52,10 @@ class Sphere:
 
 @dataclass(frozen=True)
 class Capsule:
-    """A cylinder about the z axis, centred on the origin, with a half sphere on each end.
+    """A cylinder about the z axis, centred on the origin, with a half sphere on each end."""
 
-    Attributes:
-        radius: Radius of the cylinder and the half spheres [m].
-        length: Length of the cylinder [m]; the capsule is longer by two radii.
-    """
-
-    radius: float
-    length: float
+    radius: float  # radius of the cylinder and the half spheres [m]
+    length: float  # length of the cylinder [m]; the capsule is longer by two radii
 
 
 @dataclass(frozen=True)

@@ -35,15 +35,10 @@ class SceneFrame(Protocol):
 
 
 class EndEffectorPoses(NamedTuple):
-    """Poses of the end-effector relative to the centre of mass, inertial axes.
+    """Poses of the end-effector relative to the centre of mass, inertial axes."""
 
-    Attributes:
-        prescribed: What is prescribed, of which tasks may leave a part free.
-        actual: The pose that the end-effector has, with which a held body moves.
-    """
-
-    prescribed: Pose
-    actual: Pose
+    prescribed: Pose  # what is prescribed, of which tasks may leave a part free
+    actual: Pose  # the pose that the end-effector has, with which a held body moves
 
     @classmethod
     def on(cls, pose: Pose) -> EndEffectorPoses:

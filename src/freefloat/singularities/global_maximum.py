@@ -27,17 +27,11 @@ _MOST = 2**20
 
 @dataclass(frozen=True, eq=False)
 class GlobalMaximum:
-    """The maximum of a polynomial of the joints.
+    """The maximum of a polynomial of the joints."""
 
-    Attributes:
-        value: Largest value found.
-        joints: Joint values there, shape (n,).
-        upper_bound: No value is larger; infinite where nothing was proven.
-    """
-
-    value: float
-    joints: Array = field(repr=False)
-    upper_bound: float
+    value: float  # largest value found
+    joints: Array = field(repr=False)  # joint values there, (n,)
+    upper_bound: float  # no value is larger; infinite where nothing was proven
 
 
 def global_maximum(

@@ -28,18 +28,12 @@ class JointBasis:
 
     Functions of a revolute joint are 1, cos q, sin q, cos 2q, sin 2q, ...; functions of a prismatic
     joint are the Chebyshev polynomials of its range.
-
-    Attributes:
-        degree: Degree of the polynomial in this joint.
-        prismatic: Whether the joint is prismatic.
-        lower: Lower end of its range [rad or m].
-        upper: Upper end of its range.
     """
 
-    degree: int
-    prismatic: bool
-    lower: float
-    upper: float
+    degree: int  # degree of the polynomial in this joint
+    prismatic: bool  # whether the joint is prismatic
+    lower: float  # lower end of its range [rad or m]
+    upper: float  # upper end of its range
 
     @property
     def size(self) -> int:

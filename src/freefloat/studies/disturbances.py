@@ -142,15 +142,10 @@ def arrays_of(values: Values, problem: Problem, count: int) -> tuple[dict[str, A
 
 @dataclass(frozen=True, eq=False)
 class Line:
-    """A path along a line whose ends vary.
+    """A path along a line whose ends vary."""
 
-    Attributes:
-        ends: Ends of the line in the frame of the path [m], shape (2, 3).
-        axes: Rotation from this frame to the inertial one, shape (3, 3).
-    """
-
-    ends: Array
-    axes: Array
+    ends: Array  # ends of the line in the frame of the path [m], (2, 3)
+    axes: Array  # rotation from this frame to the inertial one, (3, 3)
 
     def offsets(self, values: Values, count: int) -> Array:
         """Offsets from its ends to the ends of ``count`` runs with values by key, (K, 2, 3)."""

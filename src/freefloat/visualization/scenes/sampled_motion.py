@@ -63,33 +63,19 @@ def key_times(motion: Motion, limit: int = MAX_KEYS) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class SampledMotion:
-    """A motion at its key times: poses of bodies and end-effector, |measure|, s, surroundings.
+    """A motion at its key times: poses of bodies and end-effector, |measure|, s, surroundings."""
 
-    Attributes:
-        motion: The motion.
-        visuals: Shapes of its robot.
-        areas: Path-dependent and path-independent areas, where they are known.
-        pointing: Limits of pointing that are drawn.
-        times: Key times [s], shape (K,).
-        positions: Positions of the bodies and the end-effector [m], shape (K, bodies, 3).
-        rotations: Axes of the bodies, shape (K, bodies, 3, 3).
-        joints: Joint values [rad or m], shape (K, n).
-        values: Magnitudes of the measure, shape (K,).
-        fractions: Values of s, shape (K,).
-        surroundings: The scene.
-    """
-
-    motion: Motion
-    visuals: Visuals
-    areas: Workspace | None
-    pointing: tuple[PointingLimit, ...]
-    times: Array
-    positions: Array
-    rotations: Array
-    joints: Array
-    values: Array
-    fractions: Array
-    surroundings: Surroundings
+    motion: Motion  # the motion
+    visuals: Visuals  # shapes of its robot
+    areas: Workspace | None  # path-dependent and path-independent areas, where they are known
+    pointing: tuple[PointingLimit, ...]  # limits of pointing that are drawn
+    times: Array  # key times [s], (K,)
+    positions: Array  # positions of the bodies and the end-effector [m], (K, bodies, 3)
+    rotations: Array  # axes of the bodies, (K, bodies, 3, 3)
+    joints: Array  # joint values [rad or m], (K, n)
+    values: Array  # magnitudes of the measure, (K,)
+    fractions: Array  # values of s, (K,)
+    surroundings: Surroundings  # the scene
 
     @classmethod
     def of(
