@@ -102,16 +102,14 @@ def _titled(name: str, draw: Callable[[], Figure]) -> Figure:
 
 
 def drawn_motion_figures(motion: Motion, *_: Any) -> Drawings:
-    """The figures of a motion."""
-    closest = closest_approach(motion, motion.setting.margin.measure)
-    return _snapshots(motion) | motion_figures(motion, closest).drawings
-
-
-def _snapshots(motion: Motion) -> Drawings:
-    """The robot over its reach and areas, which change where further arms move."""
+    """The figures of a motion; reach and areas behind the robot change where further arms move."""
     setting = motion.setting
     shown = has_regions(setting)
-    return {"snapshots": lambda: snapshots_figure(motion, _regions(setting) if shown else None)}
+    closest = closest_approach(motion, setting.margin.measure)
+    return {
+        "snapshots": lambda: snapshots_figure(motion, _regions(setting) if shown else None),
+        **motion_figures(motion, closest).drawings,
+    }
 
 
 def simulation_figures(simulation: Simulation, *_: Any) -> Drawings:
@@ -175,9 +173,7 @@ def plan_figures(plan: Plan, threads: int | None, progress: Progress | None) -> 
         if headings.branches:
             drawings["headings"] = partial(headings_figure, headings, plan.ranges, heading)
     if chosen is not None:
-        drawings |= _snapshots(chosen.motion)
-        drawings |= motion_figures(chosen.motion, chosen.closest_approach).drawings
-        drawings |= angle_figures(chosen.motion, plan.limits)
+        drawings |= drawn_motion_figures(chosen.motion) | angle_figures(chosen.motion, plan.limits)
     if plan.map is not None:
         drawings |= _map_figures(plan.map, plan.limits, marks, threads, progress)
     return drawings

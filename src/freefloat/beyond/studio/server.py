@@ -44,14 +44,9 @@ _MOST_BROWSERS = 16
 def serve_studio(scenario: str, folder: Path, port: int, ready: Callable[[str], object]) -> None:
     """Serve the studio to this machine until Ctrl-C or SIGTERM.
 
-    Args:
-        scenario: A file or a bundled name.
-        folder: Where plans are saved.
-        port: Port, or the next free port if it is in use; zero for any free port.
-        ready: Called with the address when the server listens.
-
-    Raises:
-        InputError: If no port is free, or there is no such scenario.
+    It opens a file or a bundled name, and saves plans in the folder. Where the port is in use, the
+    next free one is taken; for zero any free one. ``ready`` is called with the address when the
+    server listens. Raises an InputError if no port is free, or there is no such scenario.
     """
     terminate = signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
