@@ -53,14 +53,6 @@ def test_example_1_passes_the_stop_at_rest(planar):
     assert 1e-4 < np.abs(rates).max() + drift < 5e-2
 
 
-def test_a_motion_that_keeps_the_margin_up_to_rounding_does_not_stop(spatial):
-    measure = spatial.margin.measure
-    least = ff.closest_approach(simulated(spatial, GOOD, 2), measure).value
-    for above, kept in ((5e-7, True), (2e-6, False)):
-        problem = spatial.replace(margin=ff.Margin(measure, (1.0 + above) * least))
-        assert simulated(problem, GOOD, 2, stop_at_margin=True).completed is kept
-
-
 def test_a_motion_may_begin_and_end_anywhere_on_its_way(spatial, tmp_path):
     whole = simulated(spatial, GOOD, 2)
     first = ff.integrate_motion(spatial, whole.initial.attitude, whole.initial.joints, end=37.0)

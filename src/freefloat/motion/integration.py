@@ -22,7 +22,6 @@ from freefloat.dynamics.tasks import Task
 from freefloat.errors import InputError, IntegrationError, finite_number
 from freefloat.motion.extrema import first_crossing
 from freefloat.motion.law import PathLaw
-from freefloat.motion.margin import ROUNDING
 from freefloat.motion.motion import Ending, Motion
 from freefloat.motion.panels import NODES
 from freefloat.motion.problem import Prescription, Problem, require_problem
@@ -92,8 +91,7 @@ def integrate_motion(
     if motion.completed and abs(end - start) < problem.path.duration:
         motion = replace(motion, ending=Ending.PART)
     if stop_at_margin and problem.margin.threshold:
-        level = (1.0 - ROUNDING) * problem.margin.threshold
-        motion = _cut(motion, problem.margin.measure, level, Ending.MARGIN)
+        motion = _cut(motion, problem.margin.measure, problem.margin.threshold, Ending.MARGIN)
     return motion
 
 

@@ -14,6 +14,7 @@ from freefloat.ensemble.feasibility import FeasibilityEvaluator, regularity
 from freefloat.ensemble.result import EnsembleResult
 from freefloat.ensemble.systems import Systems
 from freefloat.limits.limits import attitude_limits
+from freefloat.motion.extrema import closest_approach
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.pointing import AttitudeLimits
 from freefloat.motion.problem import Problem
@@ -184,8 +185,8 @@ def _is_feasible(evaluator: FeasibilityEvaluator, heading: float, branch: int) -
 
 
 def _keeps_margin(problem: Problem, limits: AttitudeLimits, attitude: Array, joints: Array) -> bool:
-    motion = integrate_motion(problem, attitude, joints, stop_at_margin=True, tolerance=_PRECISE)
-    if not motion.completed:
+    motion, margin = integrate_motion(problem, attitude, joints, tolerance=_PRECISE), problem.margin
+    if not (motion.completed and margin.keeps(closest_approach(motion, margin.measure).value)):
         return False
     return all(limit.decide(motion).kept for limit in attitude_limits(problem, limits))
 
