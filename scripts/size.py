@@ -23,10 +23,10 @@ GOALS = {
 }  # fmt: skip
 """Lines of the folders of ``src/freefloat``."""
 RECORDS = {
-    MODULES: 1_590, "robot": 4_580, "paths": 1_850, "dynamics": 2_860, "ik": 1_900,
-    "motion": 2_680, "certificate": 670, "limits": 2_390, "ensemble": 2_440, "regions": 800,
-    "planning": 8_310, "verification": 1_480, "io": 3_760, "visualization": 4_500,
-    "studies": 4_680, "cli": 3_110,
+    MODULES: 1_590, "robot": 4_580, "paths": 1_850, "dynamics": 2_890, "ik": 1_940,
+    "motion": 2_680, "certificate": 670, "limits": 2_430, "ensemble": 2_470, "regions": 800,
+    "planning": 8_330, "verification": 1_490, "io": 3_760, "visualization": 4_530,
+    "studies": 4_740, "cli": 3_110,
 }  # fmt: skip
 """Lines of folders that are larger than their goals permit."""
 

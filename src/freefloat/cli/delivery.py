@@ -27,17 +27,13 @@ _PAGE = '<pre style="line-height: 1.3; white-space: pre; overflow-x: auto">{code
 
 @dataclass(frozen=True)
 class Delivery:
-    """The console, and the files that a command is to write; None for those not wanted.
+    """The console, and the files that a command is to write; None for those not wanted."""
 
-    The files are a result file, a page and a folder of figures. Threads draw the figures, by
-    default one for each core.
-    """
-
-    console: Console
-    output: Path | None = None
-    html: Path | None = None
-    plots: Path | None = None
-    threads: int | None = None
+    console: Console  # where tables or the JSON document are printed
+    output: Path | None = None  # result file
+    html: Path | None = None  # page
+    plots: Path | None = None  # folder of figures
+    threads: int | None = None  # number of cores that draw them; all when left out
 
     def prepare(self, *inputs: Path) -> None:
         """Check the files before the work, see :func:`~freefloat.cli.options.prepare_outputs`."""
@@ -52,8 +48,11 @@ class Delivery:
     ) -> None:
         """Print a result and write its files.
 
-        The name is the title of a page without a result file. The document is printed as JSON; by
-        default it is the result's own.
+        Args:
+            result: The result.
+            tables: Tables and lines of the result.
+            name: Title of the page without a result file.
+            document: JSON document that is printed; by default the result's own.
         """
         document = result.to_dict() if document is None else document
         self.console.tables(_not_read(name, result))

@@ -63,10 +63,14 @@ def schema(kind: _Kind = None, as_json: Json = False, quiet: Quiet = False) -> N
 
 @dataclass(frozen=True)
 class BundledFile:
-    """A file that comes with the package, its name on the command line, and what it is in a line.
+    """A file that comes with the package.
 
-    Details are the source of a robot; robot and task of a scenario, ``goal`` where it has one in
-    place of a path; base and command of a study.
+    Attributes:
+        name: Name of the file on the command line.
+        description: What it is, one line.
+        details: Source of a robot; robot and task of a scenario, ``goal`` where it has one in place
+            of a path; base and command of a study.
+        file: The file.
     """
 
     name: str

@@ -57,8 +57,10 @@ def attitude_text(attitude: Array) -> str:
 def present_lines(problem: Problem, attitude: Array | None, joints: Any) -> Iterator[str]:
     """What a task does not use of its path, and how far this begins from the present pose.
 
-    Present are attitude, shape (4,), and joints, by name or shape (n,); None where they are not
-    known.
+    Args:
+        problem: The problem of the path.
+        attitude: Present attitude, shape (4,); None where it is not known.
+        joints: Present joints, by name or shape (n,), likewise.
     """
     from freefloat.motion.residuals import start_offset
     from freefloat.paths.orientation import FreeOrientation

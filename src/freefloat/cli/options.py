@@ -148,9 +148,11 @@ def prepare_outputs(
 ) -> None:
     """Check output files, and make a folder, before the work whose results they will hold.
 
-    The inputs are files that the command reads. The folder is named ``plots`` in errors, the files
-    after their options; the kind is the kind of the file of ``output``. A file replaces files of
-    its kind only.
+    Args:
+        inputs: Files that the command reads.
+        folder: An output folder, named ``plots`` in errors.
+        kind: Kind of the file of the option ``output``. A file replaces files of its kind only.
+        files: Output files by option; None where none is wanted.
 
     Raises:
         InputError: If one cannot be written, would replace a file of another kind, or two files are

@@ -65,16 +65,13 @@ class FileOptions:
 
 @dataclass(frozen=True, eq=False)
 class LoadedRobot:
-    """The robot of a scenario or a URDF, and the warnings of its file.
+    """The robot of a scenario or a URDF."""
 
-    Task and measure are the scenario's, or a task with as many rows as the arm can do and ``gjm``.
-    """
-
-    model: FreeFloatingModel
-    task: Task
-    measure: SingularityMeasure
-    diagnostics: tuple[UrdfDiagnostic, ...]
-    scenario: Scenario | None = None
+    model: FreeFloatingModel  # the robot
+    task: Task  # the scenario's task, or one with as many rows as the arm can do
+    measure: SingularityMeasure  # the measure of the scenario's margin, or ``gjm``
+    diagnostics: tuple[UrdfDiagnostic, ...]  # warnings of the URDF
+    scenario: Scenario | None = None  # the scenario; None for a URDF
 
 
 def load_robot(

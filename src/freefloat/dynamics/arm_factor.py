@@ -76,10 +76,14 @@ class ArmPlane:
         return (1, 0), (0, s), (1, s), (1, -s), (2, s)
 
     def coefficients(self, bodies: Array) -> Array:
-        """The factor S(q2, q3) as a trigonometric polynomial, shape (..., 5, 2).
+        """The factor S(q2, q3) as a trigonometric polynomial.
 
-        It has a and b of the terms a cos(k q2 + l q3) + b sin(k q2 + l q3). Bodies are as
-        :attr:`.LinkFrames.bodies`, shape (..., 7, 10).
+        Args:
+            bodies: Mass, first moment and inertia of the bodies in their link frames, as
+                :attr:`.LinkFrames.bodies`, shape (..., 7, 10).
+
+        Returns:
+            a and b of the terms a cos(k q2 + l q3) + b sin(k q2 + l q3), shape (..., 5, 2).
         """
         D, couplings, (a, b, c) = self.momentum_and_vectors(bodies)
         return self._terms(D, couplings, (_ratio(a, b), _ratio(a, c), _ratio(b, c)))
@@ -111,11 +115,13 @@ class ArmPlane:
         return D, (_ratio(z0, u1), _ratio(z0, u2), _ratio(z1, u2)), (z0, z1, z2)
 
     def is_symmetric(self, bodies: Array) -> BoolArray:
-        """Whether the motion in the plane is independent of the motion out of it, shape (K,).
+        """Whether the motion in the plane is independent of the motion out of it.
 
         It is where the spacecraft is symmetric about the first joint's axis, the first three links
-        are about the plane, and the next two are point masses at the wrist centre. Bodies have the
-        shape (K, 7, 10).
+        are about the plane, and the next two are point masses at the wrist centre.
+
+        Args:
+            bodies: As for :meth:`coefficients`, shape (K, 7, 10).
         """
         unit, length = np.eye(10), float(np.abs(self.wrist).max())
         largest, size = np.zeros((2, len(bodies)))

@@ -131,9 +131,13 @@ def _next_x(
 
 
 def _inertial(body: Body, rotation: Array, origin: Array, frame: Array) -> Array:
-    """Mass, first moment and inertia of a body in a frame with rows x, y, z and origin.
+    """Mass, first moment and inertia of a body in a frame given by its axes and origin.
 
-    The body's frame has a rotation and an origin in the spacecraft frame.
+    Args:
+        body: The body.
+        rotation: Rotation of the body's frame, spacecraft frame.
+        origin: Origin of the body's frame.
+        frame: Rows x, y, z and origin.
     """
     row = inertial_row(body.mass, body.centre, body.inertia)
     return in_frame(row, frame[:3] @ rotation, frame[:3] @ (origin - frame[3]))
@@ -153,10 +157,12 @@ def inertial_row(mass: Array | float, centre: Array, inertia: Array) -> Array:
 
 
 def in_frame(rows: Array, rotation: Array, position: Array) -> Array:
-    """Mass, first moment and inertia in another frame, rows (..., 10) as of :func:`inertial_row`.
+    """Mass, first moment and inertia in another frame.
 
-    The frame of the rows has a rotation into the other frame, shape (..., 3, 3), in which its
-    origin has a position [m], shape (..., 3).
+    Args:
+        rows: Rows in a frame, as :func:`inertial_row` returns them, shape (..., 10).
+        rotation: Rotation from that frame into the other frame, shape (..., 3, 3).
+        position: Position of that frame's origin in the other frame [m], shape (..., 3).
     """
     shape = np.broadcast_shapes(rows.shape[:-1], rotation.shape[:-2])
     rows = np.broadcast_to(rows, (*shape, 10))

@@ -30,15 +30,12 @@ Function = Callable[[Array], Any]
 
 @dataclass(frozen=True, eq=False)
 class Extremes:
-    """Maximum S_max and minimum of a measure over the joint space, with joint values (n,) of both.
+    """Maximum and minimum of a measure over the joint space."""
 
-    The minimum is negative for determinants.
-    """
-
-    largest: float
-    largest_at: Array = field(repr=False)
-    smallest: float
-    smallest_at: Array = field(repr=False)
+    largest: float  # maximum S_max
+    largest_at: Array = field(repr=False)  # joint values of the maximum, (n,)
+    smallest: float  # minimum; negative for determinants
+    smallest_at: Array = field(repr=False)  # joint values of the minimum, (n,)
 
     @property
     def magnitude(self) -> float:
@@ -107,7 +104,9 @@ def joint_box(
 ) -> tuple[Array, Array]:
     """Lower and upper bounds of the joint space: a full revolution or a prismatic joint's range.
 
-    Joints with a ``fixed`` value, by index, have bounds one unit to either side.
+    Args:
+        model: Robot.
+        fixed: Joints with a fixed value, by index; their bounds are one unit to either side.
 
     Raises:
         InputError: If another prismatic joint has no finite range.

@@ -56,9 +56,12 @@ class KernelAxes:
 
 
 def kernel_robot(model: FreeFloatingModel, task: Task, coefficients: Array | None = None) -> Robot:
-    """The arrays of a robot, all moving arms of which follow paths, for a task.
+    """The arrays of a robot, all moving arms of which follow paths.
 
-    The measure ``arm`` has coefficients, shape (T, 2).
+    Args:
+        model: Robot.
+        task: Part of the poses that is prescribed.
+        coefficients: Coefficients of the measure ``arm``, shape (T, 2).
     """
     plane, arms = KernelAxes.of(model, task).plane, model.single_arms
     frames = [link_frames(arm) for arm in arms]
@@ -97,9 +100,14 @@ def spacecraft_moments(
 ) -> tuple[Array, Array]:
     """Moments of spacecraft and further arms about the origin of the spacecraft frame.
 
-    From joint values [rad or m] and rates of the further arms, shape (..., dof - arm_dof), follow
-    rows as :func:`.inertial_row` returns them, shape (..., 10), and the angular momentum relative
-    to the spacecraft [N m s], shape (..., 3).
+    Args:
+        model: Robot.
+        joints: Joint values of the further arms [rad or m], shape (..., dof - arm_dof).
+        rates: Rates of these joints, of the same shape.
+
+    Returns:
+        Mass, first moment and inertia as :func:`.inertial_row` returns them, shape (..., 10), and
+        the angular momentum relative to the spacecraft [N m s], shape (..., 3).
     """
     shape, data = joints.shape[:-1], model.pin_model.createData()
     q, v = np.zeros(7 + model.dof), np.zeros(6 + model.dof)

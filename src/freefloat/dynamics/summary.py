@@ -25,16 +25,12 @@ from freefloat.so3 import UPRIGHT, Array, Pose, unit_quaternion
 
 @dataclass(frozen=True, eq=False)
 class Configuration:
-    """A robot at joints (n,) [rad or m] and an attitude, a unit quaternion x, y, z, w.
+    """A robot at given joints."""
 
-    There are poses of the end-effector by the frame that they are relative to, and values of
-    singularity measures by name.
-    """
-
-    joints: Array
-    attitude: Array
-    poses: dict[str, Pose]
-    measures: dict[str, float]
+    joints: Array  # joint values [rad or m], (n,)
+    attitude: Array  # attitude of the spacecraft, unit quaternion x, y, z, w
+    poses: dict[str, Pose]  # poses of the end-effector, by the frame that they are relative to
+    measures: dict[str, float]  # values of singularity measures by name
 
     def to_dict(self) -> dict[str, Any]:
         """The configuration as a JSON document."""

@@ -89,7 +89,13 @@ def base_rotations(model: FreeFloatingModel, task: Task) -> int:
 def task_rows(model: FreeFloatingModel, task: Task, twists: Array) -> Array:
     """The task's rows of twists in the task's reference frame, one below the other for each arm.
 
-    Twists of e end-effectors have the shape (6 e, ...), their rows the shape (m, ...).
+    Args:
+        model: Robot.
+        task: Task.
+        twists: Shape (6 e, ...), for e end-effectors.
+
+    Returns:
+        Shape (m, ...).
     """
     if task.planar:
         twists = required_plane(model, task).rows(twists)

@@ -226,9 +226,16 @@ def reach_bound(model: FreeFloatingModel) -> float:
 
 
 def meeting_point(points: Array, axes: Array, tolerance: float) -> Array | None:
-    """Intersection point (3,) of three lines with a point and a unit direction each, shape (3, 3).
+    """Intersection point of three lines.
 
-    None if it would be farther than the tolerance [m] from a line, or successive ones are parallel.
+    Args:
+        points: A point on each line, shape (3, 3).
+        axes: Unit directions, shape (3, 3).
+        tolerance: Largest distance from the lines [m].
+
+    Returns:
+        The point, shape (3,), or None if the lines do not intersect or successive ones are
+        parallel.
     """
     normal = np.cross(axes[0], axes[1])
     if (

@@ -51,8 +51,11 @@ def kernel_arms(problem: Problem, frames: LinkFrames) -> FurtherArms:
     """Moments of the spacecraft with the further arms of a problem, which move along joint curves.
 
     Seen from the spacecraft, these arms change its first moment and inertia, and have a linear and
-    an angular momentum of their own; equation (4) knows nothing else of them. The link frames are
-    of the robot whose further arms are fixed.
+    an angular momentum of their own; equation (4) knows nothing else of them.
+
+    Args:
+        problem: Robot and joint curves.
+        frames: Link frames of the robot whose further arms are fixed.
     """
     axes, origin = frames.base[:3], frames.base[3]
     for number in _ARM_CELLS:
@@ -70,9 +73,11 @@ def kernel_arms(problem: Problem, frames: LinkFrames) -> FurtherArms:
 
 
 def cubics_through(values: Array) -> tuple[Array, Array]:
-    """Cubics through values (cells, 5, m) at ``NODES`` of cells, and their errors at the last node.
+    """Cubics through values at ``NODES`` of cells, shape (cells, 5, m).
 
-    Coefficients, highest power first, have the shape (cells, m, 4), errors the shape (cells, m).
+    Returns:
+        Coefficients, highest power first, shape (cells, m, 4), and errors at the last of the nodes,
+        shape (cells, m).
     """
     cubics = np.einsum("pk,nki->nip", _THROUGH_NODES, values[:, :4])[..., ::-1]
     error = np.abs(values[:, 4] - cubics @ (0.5 ** np.arange(3, -1, -1)))
@@ -211,7 +216,8 @@ def _course(paths: Sequence[TimedPath], breaks: Array) -> Course:
 def _tangents(path: EndEffectorPath, low: float, high: float) -> Array:
     """A path's tangent between two values of s as cubics of the fraction of equal intervals.
 
-    Coefficients, highest power first, have the shape (cells, 6, 4).
+    Returns:
+        Coefficients, highest power first, shape (cells, 6, 4).
     """
     tangent = path.tangent_within(low, high)
     for number in _CELLS:

@@ -170,8 +170,13 @@ def _checked(key: str, values: Array, shape: tuple[int, ...], latest: float | No
 class RecordedMotions:
     """Motions that stand for disturbed ones, at the nodes of P panels of 9.
 
-    The nodes have times (8 P + 1,) [s], attitudes (K, 8 P + 1, 4) and joints (K, 8 P + 1, n).
-    Motions that are not completed, shape (K,), are constant from the last node that they reach on.
+    Attributes:
+        disturbed: The motions.
+        times: Times of the nodes [s], shape (8 P + 1,).
+        attitudes: Attitudes of the spacecraft there, shape (K, 8 P + 1, 4).
+        joints: Joint values there, shape (K, 8 P + 1, n).
+        completed: Which motions reach the last node, shape (K,); others are constant from the last
+            node that they reach on.
     """
 
     disturbed: ScaledMotions = field(repr=False)
@@ -184,9 +189,14 @@ class RecordedMotions:
     def of(
         cls, disturbed: ScaledMotions, attitudes: Array, joints: Array, panels: int, threads: int
     ) -> RecordedMotions:
-        """Integrate motions from attitudes (K, 4) and joints (K, n) from node to node.
+        """Integrate motions from node to node.
 
-        There are at least so many panels; every segment of the time law has its own.
+        Args:
+            disturbed: The motions.
+            attitudes: Initial attitudes, shape (K, 4).
+            joints: Initial joint values, shape (K, n).
+            panels: Least number of panels; every segment of the time law has its own.
+            threads: Number of threads.
         """
         problem, count = disturbed.problem, len(joints)
         times = _nodes(np.append(problem.path.breaks, problem.path.duration), panels)

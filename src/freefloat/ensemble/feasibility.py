@@ -242,8 +242,11 @@ def _flip_wrists(
 ) -> None:
     """Replace results of branches 2 k by results of their wrist-flipped branches, in place.
 
-    Of a table of leading shape (K, B) the ``derived`` results change. Initial joints of integrated
-    branches and of the branches of the columns have the shape (K, B, 6).
+    Args:
+        table: Results, arrays of leading shape (K, B).
+        derived: Which are changed, shape (K, B).
+        integrated: Initial joint values of the integrated branches, shape (K, B, 6).
+        flipped: Initial joint values of the branches of the columns, shape (K, B, 6).
     """
     sign = np.ones(6)
     sign[_FLIPPED_JOINT] = -1.0

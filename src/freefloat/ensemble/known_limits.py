@@ -53,24 +53,23 @@ class LimitValues(NamedTuple):
 
 
 class _Entry(NamedTuple):
-    """A limit of C quantities, joints or other places, whose ratios have the shape (K, C).
+    """A limit of C quantities."""
 
-    The ``angle`` [rad] changes them by 1; their times are in ``columns`` (C,), see
-    :meth:`.EnsembleIntegrator.integrate`.
-    """
-
-    ratios: Callable[[EnsembleResult, Array], Array]
-    angle: float
-    columns: IntArray
-    places: tuple[str, ...]
+    ratios: Callable[[EnsembleResult, Array], Array]  # ratios of the quantities, (K, C)
+    angle: float  # the angle [rad] that changes them by 1
+    columns: IntArray  # columns of the times, see :meth:`.EnsembleIntegrator.integrate`, (C,)
+    places: tuple[str, ...]  # joints, or other names, of the quantities
 
 
 @dataclass(frozen=True, eq=False)
 class KnownLimits:
     """Limits whose ratios ensembles know; joint ranges are the robot's.
 
-    Largest magnitudes of joint rates (n,) [rad/s or m/s] and of the spacecraft's angular velocity
-    [rad/s] are None without limit.
+    Attributes:
+        model: The robot, whose arm follows the path.
+        joint_rate: Largest magnitudes [rad/s or m/s], shape (n,); None without limit.
+        base_rate: Largest magnitude of the spacecraft's angular velocity [rad/s]; None without.
+        attitude: Limits of attitude.
     """
 
     model: FreeFloatingModel
@@ -127,11 +126,13 @@ class KnownLimits:
         disturbed: ScaledMotions,
         deciders: npt.NDArray[np.int8],
     ) -> LimitValues:
-        """The limits along motions of an ensemble with the limits :attr:`compared`.
+        """The limits along motions.
 
-        ``moments`` are times of their extreme values, see :meth:`.EnsembleIntegrator.integrate`,
-        ``disturbed`` is what they stand for, ``deciders`` are codes of what decided them, shape
-        (K,).
+        Args:
+            motions: Motions of an ensemble with the limits :attr:`compared`.
+            moments: Times of their extreme values, see :meth:`.EnsembleIntegrator.integrate`.
+            disturbed: What they stand for.
+            deciders: Codes of what decided them, shape (K,).
         """
         values = LimitValues.empty(len(disturbed), len(self._entries))
         rows, stretches, first = np.arange(len(disturbed)), disturbed.stretches, 0

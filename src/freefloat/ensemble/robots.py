@@ -116,7 +116,9 @@ class Robots:
     def with_paths_from(self, attitude: Array, joints: Array) -> Robots:
         """The robots with paths that are stated in their spacecraft frames in a configuration.
 
-        It has an attitude, a unit quaternion x, y, z, w, and joints (n,).
+        Args:
+            attitude: Unit quaternion x, y, z, w.
+            joints: Joint values, shape (n,).
         """
         model, R = self.nominal, rotation_matrix(attitude)
         centre = R.T @ model.base_position(attitude, joints)
@@ -221,7 +223,8 @@ class Robots:
     def _moments(self, frames: Array) -> Array:
         """First moments of the bodies about the origin of frame 0, shape (3, 1 + n, K).
 
-        The link frames are in frame 0, shape (1 + n, 4, 3).
+        Args:
+            frames: The link frames in frame 0, shape (1 + n, 4, 3).
         """
         masses, moments = self.bodies[..., 0].T, self.bodies[..., 1:4].T
         turned = (frames[:, i].T[..., None] * moments[i] for i in range(3))

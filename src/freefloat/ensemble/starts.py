@@ -29,7 +29,9 @@ _FAR = 0.3
 class Starts:
     """Candidates for the arm at the start of each of K motions.
 
-    Joints (K, B, n) [rad or m] are NaN, numbers of arm branches (K, B) -1 where there is none.
+    Attributes:
+        joints: Joint values [rad or m], NaN where there is no candidate, shape (K, B, n).
+        branches: Numbers of their arm branches, shape (K, B); -1 where there is no candidate.
     """
 
     joints: Array = field(repr=False)
@@ -48,11 +50,16 @@ def starts_at(
     joints: Array | None = None,
     systems: Systems | None = None,
 ) -> Starts:
-    """The arm at the starts of motions from attitudes (K, 4), unit quaternions x, y, z, w.
+    """The arm at the starts of motions from attitudes.
 
-    Only the arm branch with a number, or the one nearest to joint values, shape (n,) or (K, n); of
-    a redundant arm, see :func:`~freefloat.ik.nearest.closest_branches`. With neither all arm
-    branches are candidates. Without systems, robot and path are the problem's.
+    Args:
+        problem: Robot and path.
+        attitudes: Unit quaternions x, y, z, w, shape (K, 4).
+        branch: Only the arm branch with this number.
+        joints: Only the arm branch nearest to these joint values, shape (n,) or (K, n); of a
+            redundant arm, see :func:`~freefloat.ik.nearest.closest_branches`. With neither
+            argument all arm branches are candidates.
+        systems: Robots and paths of the motions; the problem's when left out.
     """
     if systems is not None and systems.robots is not None:
         return _starts_of_robots(problem, systems, systems.robots, attitudes, branch, joints)

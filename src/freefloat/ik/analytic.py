@@ -84,10 +84,15 @@ def spherical_wrist(
 
 
 def spherical_wrist_angles(axes: Array, rotations: Array, sign: float) -> Array:
-    """Angles (K, 3) of three joints that rotate the end-effector as required [rad], or NaN.
+    """Angles of three intersecting joints that rotate the end-effector as required.
 
-    Their axes at zero angles meet in a point, shape (3, 3); rotations from zero angles have the
-    shape (K, 3, 3). ``sign`` is 1 or -1 for one of the two wrist-flipped solutions.
+    Args:
+        axes: Joint axes at zero angles, shape (3, 3).
+        rotations: Required rotations from zero angles, shape (K, 3, 3).
+        sign: 1 or -1 for one of the two wrist-flipped solutions.
+
+    Returns:
+        Joint angles [rad], NaN where there is no solution, shape (K, 3).
     """
     h4, h5, h6 = axes[..., None]
     R = rotations.transpose(1, 2, 0)
@@ -146,9 +151,15 @@ def _is_exact(model: FreeFloatingModel) -> bool:
 
 
 def solve_elbow_and_wrist(model: FreeFloatingModel, positions: Array, rotations: Array) -> Array:
-    """The eight branches of an elbow arm with a spherical wrist, joint values (6, 8, K).
+    """The eight branches of an elbow arm with a spherical wrist.
 
-    End-effectors have positions (3, K) and rotations (3, 3, K).
+    Args:
+        model: Robot.
+        positions: End-effector positions, shape (3, K).
+        rotations: End-effector rotations, shape (3, 3, K).
+
+    Returns:
+        Joint values, shape (6, 8, K).
     """
     q = _elbow_and_wrist(model, positions, rotations)
     if not _is_exact(model):

@@ -28,15 +28,11 @@ _CONFIGURATIONS = 256
 
 @dataclass(frozen=True, eq=False)
 class Arm:
-    """An arm: the robot with this moving arm alone, the others at zero joints.
+    """An arm, the others being at zero joints."""
 
-    Its ``joints`` are among all joints; the closed form of its branches is None where they are
-    searched for.
-    """
-
-    model: FreeFloatingModel
-    joints: slice
-    form: ClosedForm | None
+    model: FreeFloatingModel  # robot with this moving arm alone
+    joints: slice  # the arm's joints among all joints
+    form: ClosedForm | None  # the closed form of its branches, None where they are searched for
 
     @cached_property
     def chain(self) -> Chain:

@@ -59,8 +59,14 @@ def all_from_starts(
     """At most that many configurations at each of so many poses, from evenly distributed starts.
 
     Generic solutions come in pairs, which merge at singularities, and each is reached from many
-    starts. There are greater ``counts`` of starts where fewer do not suffice; ``solved`` gives the
-    configurations to which starts (n, B, K) lead at K of the poses.
+    starts.
+
+    Args:
+        model: Robot.
+        counts: Numbers of starts, greater ones where fewer do not suffice.
+        poses: Number of poses.
+        most: Largest number of configurations at a pose.
+        solved: Gives the configurations to which starts (n, B, K) lead at K of the poses.
     """
     lower, upper = joint_box(model)
     starts = (lower + (upper - lower) * low_discrepancy(counts[-1], len(lower))).T
@@ -78,9 +84,19 @@ def all_from_starts(
 def spread_configurations(
     model: FreeFloatingModel, task: Task, positions: Array, rotations: Array, most: int
 ) -> Array:
-    """At most that many well-spread configurations of a redundant arm at each pose, reproducibly.
+    """A reproducible, well-spread set of configurations of a redundant arm at each of many poses.
 
-    At poses where any are found inside the joint ranges, they all are; else they are in (-pi, pi].
+    At poses where any are found inside the joint ranges, they all are.
+
+    Args:
+        model: Robot.
+        task: Part of the poses that is prescribed.
+        positions: End-effector positions.
+        rotations: End-effector rotations.
+        most: Largest number of configurations at a pose.
+
+    Returns:
+        Joint values, inside the ranges where possible, else in (-pi, pi].
     """
     chain, newton = Chain.of(model), Newton.of(model, task)
     q = np.full((model.dof, most, len(positions)), np.nan)

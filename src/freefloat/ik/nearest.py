@@ -29,9 +29,8 @@ def closest_branches(
 
     Distances are largest joint differences; of branches that are equally far, the sum of squares
     decides. Revolute joints are shifted by full rotations to the value in their range that is
-    nearest. The branch of a redundant arm is the configuration to
-    which Newton's method converges from the joint values, if it lies inside the joint ranges, else
-    the closest one of all.
+    nearest. The branch of a redundant arm is the configuration to which Newton's method converges
+    from the joint values, if it lies inside the joint ranges, else the closest one of all.
 
     Args:
         model: Robot.

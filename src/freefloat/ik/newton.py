@@ -116,11 +116,14 @@ class Newton:
 
 
 class _Features(NamedTuple):
-    """End-effector poses as they are compared, by values (F, K), in a frame that is rotated.
+    """End-effector poses as they are compared.
 
-    The angle (K,) is the rotation about the first axis from the frame of comparison [rad]. In that
-    frame ``axis`` (3, K) is the last axis, of the task ``pointing`` the end-effector's z axis, and
-    ``across`` (3, K) a direction normal to it that the last joint rotates.
+    Attributes:
+        values: Shape (F, K).
+        angle: Rotation about the first axis from the frame of comparison [rad], shape (K,).
+        axis: The last axis in that frame, of the task ``pointing`` the end-effector's z axis, shape
+            (3, K).
+        across: A direction normal to that axis that the last joint rotates, shape (3, K).
     """
 
     values: Array
@@ -131,20 +134,15 @@ class _Features(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class PoseTable:
-    """Configurations of an arm, evenly distributed in a box of joint values, shape (n, M).
+    """Configurations of an arm, evenly distributed in a box of joint values."""
 
-    They are zero for joints whose angle follows from a pose. A tree has the features of their
-    end-effector poses, with a length that counts as much as one radian [m]; poses that are reached
-    are closer than ``spacing`` to some.
-    """
-
-    chain: Chain
-    task: Task
-    length: float
-    joints: Array
-    features: _Features
-    tree: scipy.spatial.cKDTree
-    spacing: float
+    chain: Chain  # arm
+    task: Task  # part of the poses that is prescribed
+    length: float  # distance that counts as much as one radian [m]
+    joints: Array  # configurations, zero for joints whose angle follows from a pose, (n, M)
+    features: _Features  # end-effector poses of the configurations
+    tree: scipy.spatial.cKDTree  # search tree of the features
+    spacing: float  # poses that are reached are closer to some in the table
 
     @classmethod
     @lru_cache(maxsize=16)
@@ -168,10 +166,16 @@ class PoseTable:
         return cls(chain, task, length, joints, features, tree, spacing)
 
     def nearest(self, positions: Array, rotations: Array, count: int) -> Array:
-        """So many configurations with the poses closest to K others, shape (n, count, K).
+        """The configurations with the poses closest to K others.
 
-        Positions have the shape (K, 3), rotations (K, 3, 3). The closest configurations are first;
-        there is NaN where there are fewer at most ``spacing`` away.
+        Args:
+            positions: End-effector positions, shape (K, 3).
+            rotations: End-effector rotations, shape (K, 3, 3).
+            count: Number of configurations for each pose.
+
+        Returns:
+            Joint values, the closest first, NaN where there are fewer at most ``spacing`` away,
+            shape (n, count, K).
         """
         poses = positions.T, rotations.transpose(1, 2, 0)
         wanted = _features(self.chain, self.task, self.length, *poses)

@@ -36,10 +36,15 @@ _DOUBLE = 1e-8
 
 
 def circle_angles(N: Array, m: Array) -> tuple[Array, BoolArray]:
-    """The angles at which ``N (cos, sin) + m`` has unit length, N (2, 2, K) and m (2, K).
+    """The angles at which ``N (cos, sin) + m`` has unit length.
 
-    There are up to four, NaN for the others, shape (4, K); also where they are well-conditioned,
-    (K,).
+    Args:
+        N: Shape (2, 2, K).
+        m: Shape (2, K).
+
+    Returns:
+        Up to four angles, NaN for the others, shape (4, K), and where they are well-conditioned,
+        shape (K,).
     """
     (aa, ab), (_, bb) = (N[:, :, None] * N[:, None]).sum(axis=0)
     a, b, (c, d) = (aa - bb) / 2.0, ab, 2.0 * (N * m[:, None]).sum(axis=0)
@@ -59,11 +64,15 @@ def circle_angles(N: Array, m: Array) -> tuple[Array, BoolArray]:
 
 
 def first_and_fifth(chain: Chain, u: Array, last: Array) -> tuple[Array, Array, BoolArray]:
-    """Up to four pairs (q1, q5) that satisfy the two conditions above, two arrays of shape (4, K).
+    """The pairs (q1, q5) that satisfy the two conditions above.
 
-    ``u`` (3, K) leads from the first joint to the required position of the sixth, ``last`` (3, K)
-    is the required direction of the last axis. Also where the pairs are well-conditioned, shape
-    (K,).
+    Args:
+        chain: Arm.
+        u: Vector from the first joint to the required position of the sixth, shape (3, K).
+        last: Required direction of the last axis, shape (3, K).
+
+    Returns:
+        Up to four pairs, two arrays of shape (4, K), and where they are well-conditioned, (K,).
     """
     h, points = chain.axes.T[..., None], chain.points.T[..., None]
     first = np.stack([height_terms(h[0], v, h[1]) for v in (u, last)])
@@ -123,10 +132,16 @@ def remaining_joints(
 def solve_parallel_axes(
     model: FreeFloatingModel, positions: Array, rotations: Array
 ) -> tuple[Array, BoolArray]:
-    """All solutions of an arm with three parallel axes, and where they are well-conditioned, (K,).
+    """All solutions of an arm with three parallel axes.
 
-    End-effectors have positions (3, K) and rotations (3, 3, K). Joint values (6, 8, K) are in (-pi,
-    pi], NaN where there are fewer than eight.
+    Args:
+        model: Robot.
+        positions: End-effector positions, shape (3, K).
+        rotations: End-effector rotations, shape (3, 3, K).
+
+    Returns:
+        Joint values in (-pi, pi], NaN where there are fewer than eight, shape (6, 8, K), and where
+        the solutions are well-conditioned, shape (K,).
     """
     chain = Chain.of(model)
     change = required_rotation(chain, rotations)

@@ -178,8 +178,14 @@ def _path_lengths(coefficients: Array, size: int) -> Array:
     """Bounds of the path lengths of vectors from the start of a motion to the ends of its parts.
 
     In each part of a panel a speed is at most the speed at the faster end plus the largest
-    acceleration times half the part. From Chebyshev coefficients (panels, 9, C) of components, so
-    many for each vector, follow lengths of shape (parts + 1, C / size).
+    acceleration times half the part.
+
+    Args:
+        coefficients: Chebyshev coefficients of the C components, shape (panels, 9, C).
+        size: Number of components of a vector.
+
+    Returns:
+        Shape (parts + 1, C / size).
     """
     x = np.linspace(-1.0, 1.0, _PARTS + 1)
     c = np.moveaxis(coefficients, 1, 0)
@@ -200,8 +206,10 @@ def _frame_path_lengths(motion: Motion, scene: Scene, edges: Array) -> Array:
     """Path length bounds of the F frames of the robot's and scene's bodies, at panel coordinates.
 
     Inside panels frames follow the polynomials through their poses at the nodes, except frames of
-    tumbling bodies, whose rate is bounded. Lengths [m] and, from column F on, angles [rad] have the
-    shape (parts + 1, 2 F).
+    tumbling bodies, whose rate is bounded.
+
+    Returns:
+        Path lengths [m] and, from column F on, angles [rad], shape (parts + 1, 2 F).
     """
 
     def lengths(poses: Pose) -> Array:

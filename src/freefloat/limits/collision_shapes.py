@@ -70,7 +70,9 @@ def all_shapes(owners: Iterable[OwnedShapes]) -> tuple[CollisionShape, ...]:
 def shapes_of_links(model: FreeFloatingModel, *, visuals: bool) -> tuple[OwnedShapes, ...]:
     """Collision shapes of all links, with errors of shapes that cannot be read, or too many.
 
-    Links without collision shapes may have their ``visuals``.
+    Args:
+        model: The robot.
+        visuals: Whether links without collision shapes have their visuals.
     """
     chosen = {
         link.name: link.collisions or (link.visuals if visuals else ())
@@ -177,13 +179,10 @@ _TOUCHING = 1e-8
 
 @dataclass(frozen=True, eq=False)
 class ConvexPart:
-    """A convex polytope of vertices (V, 3) [m].
+    """A convex polytope."""
 
-    Its faces (F, 3) have three vertices each, anticlockwise when seen from outside.
-    """
-
-    points: Array
-    faces: IntArray
+    points: Array  # vertices [m], (V, 3)
+    faces: IntArray  # three vertices each, anticlockwise when seen from outside, (F, 3)
 
 
 def convex_parts(triangles: Array, most: int = _MOST) -> tuple[ConvexPart, ...]:
@@ -245,7 +244,8 @@ class _MeshPart:
     def _sides(self, heights: Array) -> Iterator[Array]:
         """Points on both sides of a plane whose hulls are the hulls of the triangles there.
 
-        The vertices have heights (V,) above the plane [m].
+        Args:
+            heights: Heights of the vertices above the plane [m], shape (V,).
         """
         first, second = self._edges
         crossed = heights[first] * heights[second] < -(_TOUCHING**2)

@@ -46,7 +46,12 @@ def held_pairs(
     """The pairs of a robot that joints at rest separate; not :func:`uncompared_links`.
 
     Grippers and other mechanisms, whose joints rest at zero without being named, often overlap
-    there: their parts are not compared with one another. Pairs are too near up to a clearance [m].
+    there: their parts are not compared with one another.
+
+    Args:
+        model: The robot.
+        shapes: Shapes of the robot.
+        clearance: Distance up to which pairs are too near [m].
     """
     above, adjacent = _joints_above(model.description), uncompared_links(model.description)
     placed = [se3_of(shape.placement) for shape in shapes]
@@ -74,10 +79,16 @@ def always_near(
     pairs: Sequence[tuple[int, int]],
     clearance: float,
 ) -> npt.NDArray[np.bool_]:
-    """Which of K pairs, too near wherever joints move, are so wherever joints are held, shape (K,).
+    """Which of some pairs, too near with joints held, are so wherever these joints are held.
 
-    Pairs are too near up to a clearance [m]; pairs that no joint with a value by name separates are
-    so.
+    Args:
+        model: The robot.
+        shapes: Shapes of the robot.
+        pairs: Pairs that are too near wherever the moving joints are, K of them.
+        clearance: Distance up to which they are too near [m].
+
+    Returns:
+        Shape (K,); true of pairs that no joint with a value by name separates.
     """
     above = _joints_above(model.description)
     near = {pair for pair in pairs if _held_between(model, shapes, above, pair)}
@@ -100,7 +111,9 @@ def uncompared_links(robot: RobotDescription) -> set[frozenset[str]]:
 def sampled_configurations(lower: Array, upper: Array) -> Iterator[Array]:
     """Pinocchio's configurations that fill ranges of joints evenly; infinite ones are a full turn.
 
-    Lower and upper ends of the ranges have the shape (n,) [rad or m].
+    Args:
+        lower: Lower ends of the ranges [rad or m], shape (n,).
+        upper: Upper ends of the ranges, likewise.
     """
     low, high = np.where(np.isfinite([lower, upper]), [lower, upper], [[-np.pi], [np.pi]])
     for fraction in low_discrepancy(_CONFIGURATIONS, len(low)):

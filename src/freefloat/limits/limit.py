@@ -41,7 +41,10 @@ def place_of_maximum(motion: Motion, values: Function) -> float:
 def peak(motion: Motion, values: Function, nodes: Array | None = None) -> Extremum:
     """The maximum of functions of rates; infinite where they have no bound at a singular end.
 
-    Values at the ``nodes`` of the motion are given where they are known.
+    Args:
+        motion: The motion.
+        values: The functions.
+        nodes: Values of the functions at the nodes of the motion, where they are known.
     """
     if not motion.panels:
         return Extremum(np.inf, 0, 0, -1.0)
@@ -164,8 +167,10 @@ class MagnitudeLimit(JointLimit[Array]):
     def largest(self, motion: Motion, values: Function, nodes: Array | None = None) -> LimitResult:
         """The result where the ratio of any joint is largest.
 
-        The limited values have the shape (K, n), at the nodes, where they are known, (panels, 9,
-        n).
+        Args:
+            motion: The motion.
+            values: The limited values, shape (K, n).
+            nodes: Values at the nodes of the motion, where they are known, (panels, nodes, n).
         """
         allowed = self.bound
 

@@ -261,7 +261,11 @@ class Contact:
 def deepest_contact(motion: Motion, results: Iterable[LimitResult] = ()) -> Contact | None:
     """The deepest contact along a motion, of the pairs whose contact is a limit by default.
 
-    None without contact of more than 0.1 mm, and where results of limits show it.
+    None without contact of more than 0.1 mm, and where a limit of the clearance shows it.
+
+    Args:
+        motion: The motion.
+        results: Limits along it.
     """
     if any(entry.limit == ClearanceLimit.name for entry in results):
         return None

@@ -67,8 +67,12 @@ class CollisionPairs:
     ) -> None:
         """Choose the pairs of a robot and a scene that can be farther apart than a clearance [m].
 
-        Unless the clearance was ``stated``, only ``<collision>`` shapes count and shapes that
-        cannot be used are left out; there may be no pair.
+        Args:
+            model: The robot.
+            clearance: The clearance [m].
+            scene: The scene.
+            stated: Whether the clearance was asked for. Otherwise only ``<collision>`` shapes count
+                and shapes that cannot be used are left out; there may be no pair.
 
         Raises:
             ModelError: If a shape cannot be read, or there is no pair.
@@ -125,11 +129,16 @@ class CollisionPairs:
         attitude: npt.ArrayLike = UPRIGHT,
         poses: Sequence[Pose] = (),
     ) -> Array:
-        """Distances (K,) of pairs in a configuration [m]; of shapes that overlap, minus the depth.
+        """Distances of pairs in a configuration.
 
-        Pairs are indices into :attr:`pairs`, shape (K,), joint values [rad or m] have the shape
-        (n,). For a scene with bodies the attitude of the spacecraft, x, y, z, w, and frames of the
-        bodies in the inertial frame count, too.
+        Args:
+            joints: Joint values [rad or m], shape (n,).
+            pairs: Indices into :attr:`pairs`, shape (K,).
+            attitude: Attitude of the spacecraft, x, y, z, w; used for a scene with bodies only.
+            poses: Frames of the bodies of the scene in the inertial frame.
+
+        Returns:
+            [m], shape (K,); of shapes that overlap, minus the penetration depth.
         """
         q = np.concatenate([INERTIAL, np.asarray(joints)])
         if poses:

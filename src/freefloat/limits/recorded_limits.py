@@ -48,21 +48,20 @@ _LAST = 3
 
 @dataclass(frozen=True, eq=False)
 class RecordedLimits:
-    """Limits of motions of one arm: torques of all motions at once, others one after the other.
+    """Limits of motions of one arm: torques of all motions at once, others one after the other."""
 
-    Disturbed motions have the problem in common. Largest torques (n,) [N m or N] are None without
-    limit; limits ``along`` motions are checked one motion after the other.
-    """
-
-    problem: Problem
-    joint_torque: Array | None = None
-    along: tuple[Limit[Any], ...] = ()
+    problem: Problem  # the problem that disturbed motions have in common
+    joint_torque: Array | None = None  # largest magnitudes [N m or N], (n,); None without limit
+    along: tuple[Limit[Any], ...] = ()  # limits that are checked one motion after the other
 
     @classmethod
     def of(cls, problem: Problem, limits: Limits, *, moved: bool) -> RecordedLimits:
         """The limits of a problem; contact is none unless a clearance is stated.
 
-        Where durations or robots vary, bodies of a scene have ``moved``.
+        Args:
+            problem: The problem.
+            limits: Limits of the problem.
+            moved: Whether durations or robots vary, so that the bodies of a scene are elsewhere.
 
         Raises:
             ModelError: If a clearance is required and the shapes of the robot cannot be used.
@@ -152,14 +151,11 @@ class RecordedLimits:
 
 
 class LargestTorques(NamedTuple):
-    """The largest magnitude of the torque or force of each joint along K motions, shape (K, n).
+    """The largest magnitude of the torque or force of each joint along K motions."""
 
-    There are magnitudes [N m or N], their times [s], and estimates of their errors.
-    """
-
-    values: Array
-    times: Array
-    errors: Array
+    values: Array  # the magnitudes [N m or N], (K, n)
+    times: Array  # times of the magnitudes [s], (K, n)
+    errors: Array  # estimated errors of the magnitudes, (K, n)
 
 
 def largest_torques(recorded: RecordedMotions, threads: int) -> LargestTorques:

@@ -40,16 +40,12 @@ Functions are smooth inside panels and may jump from one to the next, as acceler
 
 @dataclass(frozen=True)
 class Extremum:
-    """An extremum of the function with an index, of several along a motion.
+    """An extremum of one of several functions along a motion."""
 
-    It lies in a panel at the parameter x, -1 to 1; its value is infinite where a function is not
-    finite.
-    """
-
-    value: float
-    index: int
-    panel: int
-    x: float
+    value: float  # the extreme value; infinite where a function is not finite
+    index: int  # index of the function
+    panel: int  # panel in which it lies
+    x: float  # parameter inside the panel, -1 to 1
 
     @property
     def u(self) -> float:
@@ -66,8 +62,9 @@ def at_nodes(motion: Motion, f: Function) -> Array:
 def minimum(values: Array, f: Function | None = None) -> Extremum:
     """The smallest value that any of several functions takes along a motion.
 
-    From values at the nodes of every panel, see :func:`at_nodes`; without functions of the
-    polynomials through them.
+    Args:
+        values: Values of the functions at the nodes of every panel, see :func:`at_nodes`.
+        f: The functions; left out where they are the polynomials through ``values``.
     """
     if not np.isfinite(values).all():
         k, i, c = np.argwhere(~np.isfinite(values))[0]

@@ -36,9 +36,14 @@ _NEWTON_STEPS, _LAST_STEP = 60, 1e-12
 def with_slopes(c: Array, panel: IntArray, x: Array) -> tuple[IntArray, Array, Array]:
     """Values and derivatives by time of panels' polynomials, except where time stands still.
 
-    Polynomials have Chebyshev coefficients (panels, 9, c), of time first; K points have panels and
-    parameters x. Returned are indices (M,) of the points at which time passes, the values there and
-    their derivatives by time, shape (M, c) each.
+    Args:
+        c: Chebyshev coefficients, coefficients of time first, shape (panels, 9, c).
+        panel: Panels of K points.
+        x: Parameters of the points, shape (K,).
+
+    Returns:
+        Indices of the points at which time passes, shape (M,), the values there and their
+        derivatives by time, shape (M, c) each.
     """
     slope = np.asarray(chebyshev.chebder(c, axis=1))
     basis = chebyshev.chebvander(x, DEGREE)

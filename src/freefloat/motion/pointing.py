@@ -151,10 +151,12 @@ def angle_of(first: Array, second: Array) -> Any:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class AttitudeLimits:
-    """Limits that depend on the attitudes of a motion's bodies alone: pointing of axes, and a turn.
+    """Limits that depend on the attitudes of a motion's bodies alone.
 
-    The turn is the largest angle between the attitudes of the spacecraft at the start and at any
-    time [rad]; None without limit.
+    Attributes:
+        pointing: The limits of axes.
+        base_turn: Largest angle between the attitudes of the spacecraft at the start and at any
+            time [rad]; None without limit.
     """
 
     pointing: tuple[PointingLimit, ...] = ()

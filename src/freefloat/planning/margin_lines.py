@@ -50,8 +50,10 @@ _SHIFT = 1e-3
 class PathOfPoint3:
     """The path of the wrist centre (36), which the first joints do not move.
 
-    At the ``times`` (T,) [s] its positions (T, 3) are in the inertial frame [m]; rolls count from a
-    ``reference`` direction that is far from parallel to all of them.
+    Attributes:
+        times: Samples of time [s], shape (T,).
+        positions: Point 3 at those times [m], inertial frame, shape (T, 3).
+        reference: A direction that is far from parallel to all of them, from which rolls count.
     """
 
     def __init__(self, problem: Problem) -> None:
@@ -79,8 +81,12 @@ def path_of_point_3(problem: Problem) -> PathOfPoint3:
 class StatesOnPath:
     """States at given (q1, q2), by time, q3, roll about point 3 and sign of the wrist.
 
-    The problem is a pose task of an elbow arm with a spherical wrist; q2 [rad] is one angle for all
-    states, or one for each, shape (K,).
+    Attributes:
+        problem: A pose task of an elbow arm with a spherical wrist.
+        q2: Second joint angle [rad], one for all states or one for each, shape (K,).
+        measure: The problem's measure S.
+        reach: Reach of the arm [m].
+        path: Path of point 3.
     """
 
     def __init__(self, problem: Problem, q1: float, q2: float | Array) -> None:
@@ -104,11 +110,15 @@ class StatesOnPath:
         return np.asarray(self._elbow + self._upper.apply(forearm))
 
     def configurations(self, states: Array, wrist: float) -> tuple[Rotation, Array]:
-        """Attitudes and joints (K, 6) of states, NaN where the wrist has no solution.
+        """Attitudes and joints of states.
 
-        States are rows of time, q3 and roll, shape (K, 3); where point 3 and the wrist differ in
-        distance from the centre of mass, only the direction of point 3 is met. ``wrist`` is 1 or -1
-        for one of the two wrist-flipped solutions.
+        Args:
+            states: Rows of time, q3 and roll, shape (K, 3). Where point 3 and the wrist differ in
+                distance from the centre of mass, only the direction of point 3 is met.
+            wrist: 1 or -1 for one of the two wrist-flipped solutions.
+
+        Returns:
+            Attitudes, and joints of shape (K, 6), NaN where the wrist has no solution.
         """
         t, q3, roll = states.T
         point_3, rotations = self.path.at(t)
@@ -160,10 +170,11 @@ class StatesOnPath:
 def margin_lines(
     on_path: StatesOnPath, wrist: float, levels: tuple[float, ...]
 ) -> Iterator[tuple[float, Array]]:
-    """Yield lines of states with S = S0 on the path, which may overlap.
+    """States with S = S0 on the path, to the precision of the sampling.
 
-    With S0, of some signed levels, come rows of time, q3 and roll along the line, shape (K, 3), to
-    the precision of the sampling.
+    Yields:
+        S0, of some signed levels, and rows of time, q3 and roll along a line, shape (K, 3). Lines
+        may overlap.
     """
     q3 = np.linspace(-np.pi, np.pi, _ELBOWS)
     wrists = np.linalg.norm(on_path.wrist(q3), axis=1)

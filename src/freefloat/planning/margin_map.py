@@ -126,14 +126,11 @@ class HeadingPeak(Peak):
 
 @dataclass(frozen=True)
 class HeadingRegion:
-    """A run of feasible headings of an arm branch, or of any start of a redundant arm (None).
+    """A run of feasible headings of an arm branch."""
 
-    It has a width, its size, and its middle in [0, 2 pi) as centre [rad].
-    """
-
-    branch: int | None
-    size: float
-    centre: float
+    branch: int | None  # number of the arm branch; None for any start of a redundant arm
+    size: float  # width [rad]
+    centre: float  # middle [rad], in [0, 2 pi)
 
     @property
     def radius(self) -> float:

@@ -113,17 +113,13 @@ class Objective(ABC):
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """What an objective compares the motions of a problem by.
+    """What an objective compares the motions of a problem by."""
 
-    The present attitude of the spacecraft is x, y, z, w, where it is known; limits are in addition
-    to the margin. The largest of the minimum margins of some motions is the unit of margins.
-    """
-
-    objective: Objective
-    present: Array | None
-    limits: Limits | None
-    evaluator: FeasibilityEvaluator
-    margins: Array
+    objective: Objective  # the objective
+    present: Array | None  # present attitude of the spacecraft, x, y, z, w, where it is known
+    limits: Limits | None  # limits in addition to the margin; None without
+    evaluator: FeasibilityEvaluator  # evaluator of the motions
+    margins: Array  # minimum margins of some motions; the largest is the unit of margins
 
     @cached_property
     def largest_margin(self) -> float:

@@ -49,14 +49,11 @@ Nearest = Callable[[Array], tuple[Array, IntArray]]
 
 @dataclass(frozen=True, eq=False)
 class Searches:
-    """The best points (K, D) of K searches with their merits (K,).
+    """The best points of K searches."""
 
-    Searches of a group, which may end each other, have the same number in ``groups``, shape (K,).
-    """
-
-    points: Array
-    merits: Array
-    groups: IntArray
+    points: Array  # shape (K, D)
+    merits: Array  # merits of the points, (K,)
+    groups: IntArray  # searches of a group, which may end each other, have the same number, (K,)
 
     @property
     def better(self) -> BoolArray:
@@ -76,8 +73,11 @@ class Clouds:
     ) -> tuple[Array, Array]:
         """The points (A, M, D) of pattern ``number`` around others, and their distances (A, M).
 
-        Points in the middle, now and before, have the shape (A, D), largest distances the shape
-        (A,).
+        Args:
+            points: Points in the middle, shape (A, D).
+            previous: Points in the middle before, shape (A, D).
+            sizes: Largest distances, shape (A,).
+            number: Varies the pattern.
         """
         sequence = low_discrepancy(_CLOUD * (number + 1), 3)[-_CLOUD:]
         vectors = sphere_directions(sequence[:, :2]) * sizes[:, None, None]
@@ -187,11 +187,14 @@ def shortest(
     groups: IntArray | None = None,
     rounds: int = ROUNDS,
 ) -> Array:
-    """Vectors (K, 3) of sets, moved to the shortest ones in directions nearby, in some rounds.
+    """Vectors (K, 3) of sets, moved to the shortest ones in directions nearby.
 
-    Each begins with a vector in the set of its search, of which ``member`` decides membership, and
-    with a cone of an angle around it [rad]. Searches of the same set have the same number in
-    ``groups``, shape (K,); all do when left out.
+    Args:
+        member: Test of membership in the set of each search.
+        vectors: One of its vectors for each search.
+        angle: Angle of the first cone around it [rad].
+        groups: Searches of the same set have the same number, shape (K,); all when left out.
+        rounds: Rounds of evaluations, at most.
     """
 
     def merit(tried: Array, searched: IntArray) -> Array:

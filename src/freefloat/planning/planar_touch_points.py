@@ -155,22 +155,25 @@ def _point(
 
 
 class PathState(NamedTuple):
-    """Point 3 and the last link at instants of the path, in complex numbers, arrays of shape (...).
+    """Point 3 and the last link at instants of the path, in complex numbers."""
 
-    They are position [m] and velocity [m/s] of point 3, angle [rad] and rate [rad/s] of the last
-    link.
-    """
-
-    position: Complex
-    velocity: Complex
-    last: Array
-    last_rate: Array
+    position: Complex  # position of point 3 [m], (...)
+    velocity: Complex  # velocity of point 3 [m/s], (...)
+    last: Array  # angle of the end-effector [rad], (...)
+    last_rate: Array  # rate of that angle [rad/s], (...)
 
 
 class PlanarCandidates:
     """States with S = S0 on the path, and how fast S changes there.
 
-    ``path`` is the path at the instants ``times`` (T,) [s], which are dense near rests.
+    Attributes:
+        arm: The arm.
+        curves: Margin curves of the arm.
+        duration: Duration of the path [s].
+        plane: Plane of the arm.
+        timing: Timing of the path.
+        times: Instants at which candidates are looked at [s], dense near rests, shape (T,).
+        path: The path at those instants.
     """
 
     def __init__(self, problem: Problem, level: float) -> None:

@@ -193,13 +193,15 @@ def _integrated(
     simulated, asked = list[SimulatedBranch](), list[SimulatedBranch]()
     for start in starts:
         try:
-            simulated.append(integrate(start))
+            entry = integrate(start)
         except IntegrationError as error:
             if start is requested or (start is starts[-1] and not simulated):
                 raise
             _logger.warning("start %d is left out: %s", start.index, error)
-        else:
-            asked += simulated[-1:] if start is requested else []
+            continue
+        simulated.append(entry)
+        if start is requested:
+            asked.append(entry)
     return simulated, asked
 
 

@@ -33,9 +33,15 @@ def completed_by_scheduler(
 ) -> Generator[tuple[Task, Result | None]]:
     """Yield tasks of a study and their results as they are completed, None if that kills workers.
 
-    Workers receive the study once. The scheduler has as many tasks at a time as there are threads,
-    of chunks one for each worker and one more. It repeats a task whose worker dies. Certificates
-    for an address with ``tls://`` come from Dask's configuration.
+    The scheduler has as many tasks at a time as there are threads, of chunks one for each worker
+    and one more. It repeats a task whose worker dies.
+
+    Args:
+        work: What a worker does with the study and a task.
+        study: The study, which workers receive once.
+        tasks: The tasks.
+        address: Address of the scheduler. Certificates for ``tls://`` come from Dask's
+            configuration.
 
     Raises:
         InputError: If the scheduler does not answer, is lost, or lacks workers with this version.

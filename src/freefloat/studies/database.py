@@ -142,9 +142,13 @@ def open_results(
     """Open the database of a study; a new folder gets a new database.
 
     This process alone writes to it; others may read it meanwhile. Rows whose digest is wrong are
-    removed with a warning: their runs count as not finished. The files are what the scenarios of
-    the study name by relative paths; the progress is the fraction of the rows that are compared
-    with their digests.
+    removed with a warning: their runs count as not finished.
+
+    Args:
+        folder: Folder of the study.
+        study: The study.
+        files: What its scenarios name by relative paths.
+        progress: Called with the fraction of the rows that are compared with their digests.
 
     Raises:
         InputError: If the folder cannot be written to, is in use, holds another study or links, or

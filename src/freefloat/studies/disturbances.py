@@ -58,7 +58,9 @@ def is_bound(key: str) -> bool:
 def fits_ensembles(key: str, listed: Mapping[str, Sequence[Any]]) -> bool:
     """Whether runs that differ in a key are motions of one ensemble.
 
-    Of bounds of limits all listed values must be numbers, not words or maps.
+    Args:
+        key: The key.
+        listed: Listed values by key; bounds of limits are numbers, not words or maps.
     """
     if is_bound(key):
         return bool(np.isfinite(as_numbers(listed.get(key, []), ())).all())
@@ -219,7 +221,10 @@ def bound_ratios(
 ) -> tuple[dict[str, Array], BoolArray]:
     """Nominal bounds over the bounds of runs by key, and whether all bounds of a run are accepted.
 
-    ``nominal`` are the problem's values of the keys of bounds that vary.
+    Args:
+        values: Values by key.
+        nominal: Nominal values of the keys of bounds that vary.
+        count: Number of runs.
     """
     ratios, fits = dict[str, Array](), np.ones(count, dtype=bool)
     for key, value in nominal.items():
@@ -238,8 +243,10 @@ def limit_scales(
 ) -> Array | None:
     """Factors on the ratios of Q quantities of limits, shape (K, Q); None where none varies.
 
-    The ratios are nominal bounds over the bounds of K runs by key, ``limits`` the joints, or other
-    names, of the quantities of each limit, ``pointing`` the limits of axes.
+    Args:
+        ratios: Nominal bounds over the bounds of K runs by key.
+        limits: Joints, or other names, of the quantities of each limit.
+        pointing: The limits of axes.
     """
     if not ratios:
         return None

@@ -31,10 +31,17 @@ _TIMED_RUNS, _ENOUGH = 5, 2.0
 class StudyEstimate:
     """Runs of a study and the expected duration of the runs that are not finished.
 
-    Expected times [s] of a run and of a result file are of a core, ``start_seconds`` is the time
-    until kernels and robot are loaded, and ``seconds`` the duration of the study, with a scheduler
-    on one worker: its ``workers`` are None. Times are None if no run could be timed; ``basis`` is
-    what was timed, or why there is no estimate.
+    Attributes:
+        study: The study.
+        finished: Numbers of the finished runs.
+        workers: Number of workers; None for the workers of a scheduler.
+        run_seconds: Expected time of a run on a core [s]; None if no run could be timed.
+        files: Number of result files that are written after the runs.
+        file_seconds: Expected time of such a file on a core [s].
+        start_seconds: Expected time until kernels and robot are loaded [s].
+        seconds: Expected duration of the study [s]; with a scheduler on one worker; None if no run
+            could be timed.
+        basis: What was timed, or why there is no estimate.
     """
 
     study: Study
@@ -133,14 +140,11 @@ def estimate_study(
 
 
 class _Timed(NamedTuple):
-    """Some runs that were timed: the time of each on a core and the time before the first [s].
+    """Some runs that were timed."""
 
-    The first is NaN if all runs are errors. The basis is what was timed, or why nothing was.
-    """
-
-    each: float = 0.0
-    start: float = 0.0
-    basis: str = ""
+    each: float = 0.0  # time of a run on a core [s], NaN if all are errors
+    start: float = 0.0  # time before the first [s]
+    basis: str = ""  # what was timed, or why nothing was
 
 
 def _time_chunks(

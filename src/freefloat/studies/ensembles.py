@@ -61,7 +61,10 @@ def chunks(study: Study, missing: IntArray) -> Iterator[Chunk]:
 def computed(study: PortableStudy, chunk: Chunk, threads: int | None = None) -> Columns:
     """Compute the runs of a chunk; return the rows of the runs that are decided.
 
-    By default there is a thread for each core.
+    Args:
+        study: The study.
+        chunk: The runs.
+        threads: Number of threads; default is one per core.
     """
     if module := STUDY_COMMANDS.get(study.study.content.command):
         columns: Columns = named(f"{module}:computed")(study, chunk, threads)

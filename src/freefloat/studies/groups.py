@@ -273,8 +273,10 @@ def _limits_of_runs(
 ) -> tuple[KnownLimits, RecordedLimits, tuple[str, ...]]:
     """The limits that ensembles know, those that recorded motions show, and names of the others.
 
-    Where ``mounts`` vary, axes and bodies of the arm's first link do; where durations or robots
-    vary, the bodies of a scene are ``moved``.
+    Args:
+        scenario: The scenario.
+        mounts: Whether mounts vary, so that axes and bodies of the arm's first link do.
+        moved: Whether durations or robots vary, so that the bodies of a scene are elsewhere.
     """
     limits, problem = scenario.limits(), scenario.problem()
     bounds = {kind.name: getattr(limits, kind.name) for kind in GIVEN}

@@ -74,8 +74,9 @@ def add_digests(connection: sqlite3.Connection, columns: Columns, types: Mapping
 def drop_damaged(connection: sqlite3.Connection, progress: Progress) -> int:
     """Remove rows without their digest; return how many. Files without theirs are named no more.
 
-    The connection is in a transaction; the progress is the fraction of the digests that are
-    compared.
+    Args:
+        connection: To the database, in a transaction.
+        progress: Called with the fraction of the digests that are compared.
     """
     types = {name: kind for _, name, kind, *_ in connection.execute("PRAGMA table_info(runs)")}
     parts = {_RESULTS: [name for name in types if name not in _NAMED], _FILE: [NUMBER, *_NAMED]}

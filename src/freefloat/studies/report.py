@@ -40,6 +40,10 @@ _MAX_LISTED = 1000
 def save_report(result: StudyResult, progress: Progress = lambda done: None) -> dict[str, Path]:
     """Write the figure and the report of a study; return the files by kind.
 
+    Args:
+        result: Results of the study.
+        progress: Called with the fraction done.
+
     Raises:
         InputError: If they cannot be written.
     """

@@ -30,16 +30,12 @@ _SAME_NUMBER = 1e-9
 
 @dataclass(frozen=True)
 class Combination:
-    """Results of the runs with the same listed values.
+    """Results of the runs with the same listed values."""
 
-    Among so many runs without error, ``cases``, some are feasible; the smallest margin is None if
-    no run has one.
-    """
-
-    parameters: dict[str, Any] = field(hash=False)
-    feasible: int
-    cases: int
-    margin: float | None
+    parameters: dict[str, Any] = field(hash=False)  # the listed values
+    feasible: int  # number of feasible runs
+    cases: int  # number of runs without error
+    margin: float | None  # smallest margin; None if no run has one
 
 
 @dataclass(frozen=True, eq=False)

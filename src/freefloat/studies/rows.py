@@ -144,8 +144,12 @@ def save_tables(
 ) -> dict[str, Path | None]:
     """Write the rows in two formats; return the files by kind, None for one not written.
 
-    The Parquet table, the one with types, needs PyArrow (the extra ``parquet``). The progress is
-    the fraction of the rows that are written as CSV.
+    The Parquet table, the one with types, needs PyArrow (the extra ``parquet``).
+
+    Args:
+        folder: The folder.
+        rows: The rows.
+        progress: Called with the fraction of the rows that are written as CSV.
 
     Raises:
         InputError: If they cannot be written.

@@ -89,7 +89,10 @@ def error_values(error: BaseException | str) -> dict[str, Any]:
 def execute(study: PortableStudy, number: int, save_file: bool = False) -> RunResult:
     """Execute a run on one core; any error becomes its result.
 
-    The undisturbed simulation has a number, too. The result file is returned if it is to be saved.
+    Args:
+        study: The study.
+        number: Number of the run, or the number of the undisturbed simulation.
+        save_file: Whether to return the result file.
     """
     began = datetime.now(UTC).isoformat(timespec="milliseconds")
     begin, content = time.perf_counter(), None
@@ -128,10 +131,13 @@ def _computed(study: Study, number: int) -> tuple[dict[str, Any], Any]:
 def computed_record(
     command: Command, source: Path, *, document: dict[str, Any], start: dict[str, Any]
 ) -> Any:
-    """The map, the simulation, or what ``plan`` finds for the data of a scenario.
+    """The map, the simulation, or what ``plan`` finds for a scenario.
 
-    The source is the scenario's file, for relative paths; the start is the start of a simulation,
-    see :meth:`.study.Study.start`.
+    Args:
+        command: The command to execute.
+        source: The scenario's file, for relative paths.
+        document: Data of the scenario.
+        start: Start of a simulation, see :meth:`.study.Study.start`.
     """
     scenario = scenario_from(document, source)
     if command is Command.PLAN:

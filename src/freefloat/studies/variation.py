@@ -37,8 +37,11 @@ _RENAMED = {"margin": "margin.section"}
 class Variation:
     """What varies between the runs of a study; runs are numbered from 0.
 
-    ``zipped`` pairs listed values of several keys, which are crossed otherwise; ``draws`` is the
-    number of random draws for each combination of listed values, 1 without random keys.
+    Attributes:
+        vary: The values of the varied keys.
+        zipped: Whether listed values of several keys are paired, not crossed.
+        draws: Number of random draws for each combination of listed values, 1 without random keys.
+        seed: Seed of the draws.
     """
 
     vary: Mapping[str, ValuesSection] = field(repr=False)
@@ -152,7 +155,10 @@ def margin_value(
 ) -> dict[str, Any]:
     """The margin in place of a fraction of the measure of the base scenario's robot, if any.
 
-    The source is the file of the base scenario; its robot is read where the margin needs it.
+    Args:
+        document: Data of a scenario.
+        source: File of the base scenario.
+        robot: Reads its robot, which other margins do not need.
 
     Raises:
         InputError: If a value is not accepted.

@@ -77,10 +77,14 @@ def nominal_values(parameters: Mapping[str, Any], base: Mapping[str, Any]) -> di
 
 @dataclass(frozen=True, eq=False)
 class VariedRobot:
-    """The robot of runs that differ in masses, inertias and mounts, by its nominal values.
+    """The robot of runs that differ in masses, inertias and mounts.
 
-    ``model_of`` builds the model of a run; ``present`` are attitude and joints in whose spacecraft
-    frame the path is stated, None for a path that does not depend on the robot.
+    Attributes:
+        model: The robot with nominal values.
+        section: Section of the robot in the scenario.
+        model_of: Builds the model of a run.
+        present: Attitude and joints in whose spacecraft frame the path is stated; None for a path
+            that does not depend on the robot.
     """
 
     model: FreeFloatingModel

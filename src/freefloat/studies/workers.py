@@ -46,7 +46,9 @@ Result = TypeVar("Result")
 class PortableStudy:
     """A study with the files that its scenarios name.
 
-    Without files, these are read at their own places.
+    Attributes:
+        study: The study.
+        files: The files; empty where they are read at their own places.
     """
 
     study: Study
@@ -178,7 +180,12 @@ def completed_in_pool(
     """Yield tasks of a study and their results as they are completed.
 
     Where a worker dies, another one repeats its task; if that dies, too, the result is None.
-    Workers receive the study once. Of few tasks this process is one of the workers.
+
+    Args:
+        work: What is done with the study and a task.
+        study: The study, which workers receive once.
+        tasks: The tasks.
+        workers: Number of processes; of few tasks this one is among them.
 
     Raises:
         InputError: If workers end before they have started.

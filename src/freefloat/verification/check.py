@@ -23,15 +23,11 @@ PINOCCHIO = "pinocchio"
 
 @dataclass(frozen=True)
 class EngineRuns:
-    """What another engine computed along a motion along a path.
+    """What another engine computed along a motion along a path."""
 
-    There are records of its inverse dynamics and of its own integration, which are None without
-    another engine, and comparisons of both with the motion.
-    """
-
-    inverse: Any = None
-    forward: Any = None
-    checks: tuple[Check, ...] = ()
+    inverse: Any = None  # record of its inverse dynamics; None without another engine
+    forward: Any = None  # record of its own integration; None without another engine
+    checks: tuple[Check, ...] = ()  # comparisons of both with the motion
 
 
 class Engine(Protocol):
@@ -45,9 +41,12 @@ class Engine(Protocol):
         """
 
     def simulated(self, motion: Motion, steps: int, allowed: float) -> Iterator[Check]:
-        """Integrate a recorded motion of prescribed joints in steps; check its final attitude.
+        """Integrate a motion of prescribed joints; check its final attitude.
 
-        It may deviate by an allowed angle [rad].
+        Args:
+            motion: The recorded motion.
+            steps: Number of steps.
+            allowed: Deviation of the final attitude [rad].
         """
 
 

@@ -42,8 +42,10 @@ from freefloat.verification.motions import (
 def plan_report(plan: Plan, engine: str, phase: Plan | None = None) -> tuple[CheckReport, Known]:
     """All checks of a plan, and what is recomputed of its numbers.
 
-    The engine is as for :func:`~freefloat.verification.check.check`; plans of phases that are not
-    searched for come with the ``phase`` recomputed.
+    Args:
+        plan: The record, computed or loaded from a file.
+        engine: As for :func:`~freefloat.verification.check.check`.
+        phase: The plan recomputed, of phases that are not searched for.
     """
     chosen, searched = plan.chosen, phase is None
     known: dict[str, Any] = {} if phase is None else dict(vars(phase))
@@ -176,9 +178,16 @@ def _report(
 ) -> tuple[CheckReport, tuple[LimitResult, ...]]:
     """The checks of a motion, of what else its result states, and by another engine.
 
-    The motion is to keep its limits, or its margin, or both; ``stated`` yields checks of what the
-    result states beyond it. With the report come the limits along the motion where any were to be
-    kept.
+    Args:
+        result: The result.
+        chosen: Chosen motion of the result.
+        keeps_limits: Whether the motion is to keep its limits.
+        keeps_margin: Whether it is to keep its margin.
+        stated: Checks of what the result states beyond the motion.
+        engine: Name of the engine.
+
+    Returns:
+        The report, and the limits along the motion where any were to be kept.
     """
     motion, required = chosen.motion, result.limits is not None
     checker = LimitChecker(motion.setting, result.limits or Limits(clearance=OFF))

@@ -213,10 +213,18 @@ def _agreement(stated: Array, found: Array, rule: _Rule) -> tuple[BoolArray, Boo
 def differences(
     stated: Any, recomputed: Any, key: str = "", errors: bool = False
 ) -> Iterator[tuple[str, Any, Any]]:
-    """Yield where a document differs from its record's document: key, stated, recomputed value.
+    """Numbers, truth values and lengths in which a document differs from its record's document.
 
-    Numbers, truth values and lengths are compared, no texts, nor keys that only one of the two has.
-    Of ``errors`` only the order of magnitude is compared.
+    Texts are not compared, nor keys that only one of the two has.
+
+    Args:
+        stated: The document in a file.
+        recomputed: The document of the record.
+        key: Key path of both.
+        errors: Whether they are errors, of which only the order of magnitude is compared.
+
+    Yields:
+        Key path, stated and recomputed value.
     """
     if isinstance(stated, dict) and isinstance(recomputed, dict):
         for name in (name for name in stated if name in recomputed):

@@ -196,13 +196,17 @@ def save_figures(
     kinds: Sequence[str] = ("pdf", "png"),
     dots: float = 300.0,
 ) -> tuple[Path, ...]:
-    """Write figures and return the files, which have the names of the figures.
+    """Write figures and return the files.
 
-    The folder is created if it is missing; images have so many dots per inch.
+    Args:
+        folder: Output folder, created if missing.
+        figures: Figures by name; the names become file names.
+        kinds: File formats.
+        dots: Resolution of images [dots per inch].
 
     Raises:
-        InputError: If the folder cannot be created or written to, or a file of another kind has the
-            name of a figure.
+        InputError: If the folder cannot be created or written to, or a file of another kind has
+            the name of a figure.
     """
     make_folder("plots", Path(folder))
     files = {

@@ -221,9 +221,10 @@ def _percentages(result: AttitudeMap, branch: int | None, values: Array) -> list
 
 @style.styled
 def touch_points_figure(result: AttitudeMap) -> Figure:
-    """The figure of S along motions from the first attitudes of a map that touch points yield.
+    """The figure of S along the motions from a map's first attitudes that touch points yield.
 
-    As many motions are drawn as there are strokes.
+    Args:
+        result: A map with touch points; as many are drawn as there are strokes.
     """
     problem = result.problem
     measure, threshold = problem.margin.measure, problem.margin.threshold

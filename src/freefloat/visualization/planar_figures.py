@@ -49,8 +49,10 @@ def headings_figure(
 ) -> Figure:
     """The figure of the minimum margin over heading, with an axes per arm branch.
 
-    The feasible heading ranges are by default the ranges of the map's samples; chosen are branch
-    and heading [rad] to mark.
+    Args:
+        result: Map over headings.
+        ranges: Feasible heading ranges; by default the ranges of the map's samples.
+        chosen: Branch and heading [rad] to mark.
     """
     curves = _curves(result, ranges)
     measure = result.problem.margin.measure
@@ -125,9 +127,12 @@ def joint_space_figure(
 ) -> Figure:
     """The figure of curves I to IV, of radii of point 3 and of motions (Figs. 2a and 3).
 
-    S depends on two joint angles. The chosen motion is the first. Reasons say in the legend what
-    each motion violates besides the margin, empty for nothing. Touching are motions that just keep
-    the margin, with their touch points: C inside the path (Case I), E at an end (Case II).
+    Args:
+        problem: Planar problem whose S depends on two joint angles.
+        motions: Motions, the chosen motion first.
+        reasons: What each violates besides the margin, for the legend; empty for nothing.
+        touching: Motions that just keep the margin, with their touch points: C inside the path
+            (Case I), E at an end (Case II).
     """
     figure = style.new_figure(style.COLUMN, 4.0 if motions or touching else 3.6)
     axes = figure.subplots()

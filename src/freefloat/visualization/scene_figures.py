@@ -121,7 +121,9 @@ def _spacecraft_boxes(visuals: Visuals) -> Array:
 def snapshots_figure(motion: Motion, workspace: Workspace | None = None) -> Figure:
     """The figure of the robot, and its scene, at several instants (Figs. 6, 7, 9 and 10).
 
-    The areas of a workspace are drawn behind a planar motion.
+    Args:
+        motion: The motion.
+        workspace: Areas drawn behind a planar motion.
     """
     if motion.setting.task.planar:
         figure = style.new_figure(style.COLUMN, style.COLUMN)

@@ -24,9 +24,12 @@ _ACROSS = ((1, 2), (0, 2), (0, 1))
 
 @dataclass(frozen=True, eq=False)
 class Mark:
-    """A marked attitude, shape (4,): best, robust, nearest, infeasible or now.
+    """A marked attitude.
 
-    The branch is None for the best of a redundant arm, or for none.
+    Attributes:
+        name: One of best, robust, nearest, infeasible, now.
+        attitude: Quaternion x, y, z, w, shape (4,).
+        branch: Number of the arm branch; None for the best of a redundant arm, or for none.
     """
 
     name: str
@@ -88,8 +91,11 @@ def map_slices(
 ) -> tuple[Slice, ...]:
     """The three planes through each mark, normal to x, y and z, with the minimum margins on them.
 
-    Without marks the planes pass through the ball's centre. A side is the number of attitudes along
-    a diameter of the ball; there are fewer where arm branches have no closed form.
+    Args:
+        evaluator: Evaluator of a spatial problem.
+        marks: Attitudes in the planes; without any, the planes pass through the ball's centre.
+        progress: Called with the fraction done, in [0, 1].
+        side: Attitudes along a diameter of the ball; fewer where arm branches have no closed form.
     """
     side = round(side / np.sqrt(evaluator.sample_reduction)) // 2 * 2 + 1
     centres: list[tuple[Mark | None, Array]]

@@ -63,9 +63,12 @@ def study_figure(
     the largest ratios of limits the place of the margins. Of more than twelve parameters those with
     the largest effect are drawn. Above 1,000 runs their panels show how many runs there are.
 
-    The table has the columns verdict, margin, margin_required, measure, the parameters, and
-    limiting if it is known. Parameters are labels of the horizontal axes by column, ratios the
-    largest ratio of a limit along each run, NaN where it is not known.
+    Args:
+        table: Columns of the runs: verdict, margin, margin_required, measure, the parameters, and
+            limiting if it is known.
+        parameters: Labels of the horizontal axes by column.
+        unit: Unit of the margins.
+        ratios: Largest ratio of a limit along each run, NaN where it is not known.
     """
     limiting = table.get("limiting", np.array([], dtype=object))
     known, others = limiting.astype(bool), ~np.isin(limiting.astype(str), _OF_MARGIN)

@@ -57,9 +57,12 @@ class Courses(NamedTuple):
 
 
 def follow(motion: Motion, times: Array, loops: Loops) -> Courses:
-    """Simulate closed loops that follow the whole path of a motion.
+    """Simulate closed loops.
 
-    Times are the instants of control, and the end [s].
+    Args:
+        motion: The motion whose path is followed, along the whole of it.
+        times: Instants of control, and the end [s].
+        loops: The closed loops, K.
     """
     problem, count, dof = motion.problem, len(loops.factors), motion.model.dof
     controller = _Controller(motion, loops.gains)
@@ -160,11 +163,14 @@ class Plants:
         period: float,
         prevented: Sequence[int] = (),
     ) -> None:
-        """Take over an engine in its initial state; all robots have its momentum, poses and rates.
+        """Take over an engine in its initial state.
 
-        Factors (K, 1 + n) are on mass and inertia of every body, dry friction is in every joint
-        [N m or N], (K,), the period between two commands [s]. A table prevents the motions of the
-        spacecraft with some numbers.
+        Args:
+            engine: MuJoCo's nominal robot. The others have its momentum, poses and joint rates.
+            factors: Factors on mass and inertia of every body, shape (K, 1 + n).
+            friction: Dry friction in every joint [N m or N], shape (K,).
+            period: Time between two commands [s].
+            prevented: Numbers of the motions of the spacecraft that a table prevents.
         """
         self._system, self._tool, self._period = engine.system, engine.tools[0], period
         self._prevented = np.array(prevented, dtype=np.int64)
@@ -196,7 +202,10 @@ class Plants:
     def _evaluate(self, states: States, similar: Dynamics, out: Dynamics) -> None:
         """Evaluate the dynamics with MuJoCo.
 
-        Similar dynamics give the angular velocity of the spacecraft.
+        Args:
+            states: The states.
+            similar: Dynamics that give the angular velocity of the spacecraft.
+            out: Receives the dynamics.
         """
         self._at[:, 3:7], self._at[:, 7:] = states.attitudes, states.joints
         spins = similar.spins + (similar.turns @ states.rates[..., None])[..., 0]
@@ -233,9 +242,11 @@ class Plants:
         return self._positions[:, self._tool] + moved, Rotation.from_quat(quaternions)
 
     def advance(self, rates: Array, inertias: Array) -> None:
-        """Simulate a period in which the servos follow joint rates (K, n).
+        """Simulate a period in which the servos follow joint rates.
 
-        They know the inertias about the joints of the nominal robot (K, n, n).
+        Args:
+            rates: Joint rates, shape (K, n).
+            inertias: Inertias about the joints of the nominal robot, shape (K, n, n).
         """
         period, (first, second, third) = self._period, self._dynamics
         servos = Servos(self._references, rates, inertias, 1.0 / period**2, 2.0 / period)

@@ -199,10 +199,16 @@ class MuJoCoModel:
         return batch
 
     def friction_law(self, batch: Any) -> tuple[Array, float]:
-        """MuJoCo's regularization of dry friction, of robots of :meth:`batch`.
+        """MuJoCo's regularization of dry friction.
 
         Below its limit, the friction of a joint is minus an inertia times the sum of the
-        acceleration and a constant times the rate: inertias (K, n), and the constant [1/s].
+        acceleration and a constant times the rate.
+
+        Args:
+            batch: Robots, see :meth:`batch`.
+
+        Returns:
+            These inertias, shape (K, n), and the constant [1/s].
         """
         impedance, width = self.model.dof_solimp[6, :2]
         time, _ = self.model.dof_solref[6]

@@ -54,9 +54,13 @@ class RateCommands:
     def rates(self, attitudes: Array, joints: Array, twists: Array, speed: float) -> Array:
         """Joint rates, with the null-space motion of a redundant arm, shape (K, n).
 
-        Not finite where the arm is exactly singular. Attitudes are unit quaternions x, y, z, w,
-        (K, 4), twists of the end-effector in the inertial frame, (K, 6); the path speed ds/dt [1/s]
-        scales the attraction of a redundant arm.
+        Not finite where the arm is exactly singular.
+
+        Args:
+            attitudes: Unit quaternions x, y, z, w, shape (K, 4).
+            joints: Joint values, shape (K, n).
+            twists: Twists of the end-effector, inertial frame, shape (K, 6).
+            speed: Path speed ds/dt [1/s], which scales the attraction of a redundant arm.
         """
         rates = np.empty(joints.shape)
         # copies: other kernels would be compiled for arrays that are read-only or of another order

@@ -110,10 +110,19 @@ def advance(
     start: States, servos: Servos, friction: Friction, dynamics: tuple[Dynamics, ...],
     period: float, steps: int, middle: States, end: States,
 ) -> None:  # fmt: skip
-    """Integrate the equation of the joints, and the attitude, over a period [s].
+    """Integrate the equation of the joints, and the attitude, over a period.
 
-    The implicit midpoint rule integrates them in an even number of steps; the dynamics, given at
-    the start, in the middle and at the end, are polynomials of time.
+    The implicit midpoint rule integrates them; the dynamics are polynomials of time.
+
+    Args:
+        start: States at the start.
+        servos: The servos.
+        friction: Dry friction.
+        dynamics: Dynamics at the start, in the middle and at the end.
+        period: Time [s].
+        steps: Number of steps, even.
+        middle: Receives the states in the middle.
+        end: Receives the states at the end.
     """
     count, n = start.joints.shape
     h, (first, second, third) = period / steps, dynamics
@@ -158,11 +167,18 @@ def move_with_friction(
     A: Array, b: Array, v: Array, limit: float, inertias: Array, decay: float, h: float,
     modes: Array, u: Array,
 ) -> None:  # fmt: skip
-    """Solve A u = b + f(u) for the joint rates u in the middle of a step of length h.
+    """Solve A u = b + f(u) for the joint rates in the middle of a step.
 
-    A is symmetric and positive definite, v are the joint rates at the start; limit, inertias and
-    decay are of :class:`Friction`. Modes are signs of joint rates whose friction is at the limit, 0
-    for others: a guess, which is improved.
+    Args:
+        A: Symmetric, positive definite matrix.
+        b: Right side.
+        v: Joint rates at the start of the step.
+        limit: Limit of friction.
+        inertias: Inertias of :class:`Friction`.
+        decay: Decay of :class:`Friction`.
+        h: Length of the step.
+        modes: Signs of joint rates whose friction is at the limit, 0 for others; a guess.
+        u: Receives the joint rates.
     """
     n = len(b)
     F = np.empty((n, n))

@@ -30,9 +30,13 @@ _FEWEST, _CHUNK = 8, 256
 
 
 def chunks(study: Study, missing: IntArray) -> Iterator[Chunk]:
-    """Yield missing runs, of ascending numbers, that follow the same motion with the same period.
+    """Yield missing runs that follow the same motion with the same period, some at a time.
 
-    Some come at a time; runs of small groups are left out.
+    Runs of small groups are left out.
+
+    Args:
+        study: A study with the command track.
+        missing: Numbers of the runs, ascending.
     """
     groups: dict[tuple[str, float], list[int]] = {}
     for number in missing.tolist():
@@ -66,7 +70,10 @@ def _arguments(study: Study, number: int) -> dict[str, Any]:
 def computed(study: PortableStudy, chunk: Chunk, threads: int | None = None) -> Columns:
     """Simulate the runs of a chunk; return their rows, none if their motion is an error.
 
-    By default there is one thread per core.
+    Args:
+        study: The study.
+        chunk: The runs.
+        threads: Number of threads; default is one per core.
     """
     here, threads = study.here, threads or available_cores()
     began, begin = datetime.now(UTC).isoformat(timespec="milliseconds"), time.perf_counter()
@@ -102,8 +109,12 @@ def _all_values(
 ) -> list[dict[str, Any]]:
     """The values of runs in which controllers follow a motion; residuals are their errors.
 
-    The runs have arguments of :func:`.tracking.track` with the same period. If the motion ends
-    early, all have the values of the followed record.
+    If the motion ends early, all runs have the values of the followed record.
+
+    Args:
+        followed: What to follow.
+        arguments: Arguments of :func:`.tracking.track` of each run, with the same period.
+        threads: Number of threads.
     """
     chosen = followed.chosen
     if chosen is None or not chosen.motion.completed:

@@ -49,8 +49,12 @@ def read(file: str, root: str | None = None) -> UrdfText:
 
     Shapes that touch others in MuJoCo are compared for contact, unless two bodies exclude it.
     Frames of links are the frames of their joints. Named sites become links without mass. The free
-    joint of the root, meshes, and all other bodies in the world are left out. The root is by
-    default :func:`root_body`; the world is one without mass, for arms that stand in it.
+    joint of the root, meshes, and all other bodies in the world are left out.
+
+    Args:
+        file: The file.
+        root: The body that becomes the root link; default: see :func:`root_body`. The world is
+            one without mass, for arms that stand in it.
 
     Raises:
         ModelError: If MuJoCo refuses the model, no body or several could be the root, the root is

@@ -84,8 +84,10 @@ def _state(trajectory: Trajectory, k: int) -> dict[str, str]:
 def robot_mjcf(model: FreeFloatingModel, *, shapes: bool = True) -> ET.Element:
     """A model with a free or planar base and a motor for each joint, without contacts.
 
-    MuJoCo must not refuse the robot. With shapes, all meshes are in the model; those that cannot be
-    read are left out.
+    Args:
+        model: A robot that MuJoCo does not refuse.
+        shapes: Whether to draw the robot. All meshes are in the model; those that cannot be read
+            are left out.
     """
     root = ET.Element("mujoco", model=model.description.name or "robot")
     least = {"boundmass": _LIGHTEST, "boundinertia": _LIGHTEST}

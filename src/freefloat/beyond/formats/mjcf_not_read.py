@@ -80,9 +80,12 @@ _GROUPS = ("actuator", "tendon", "equality", "sensor")
 
 
 def not_read(model: Any, bodies: Collection[int], documents: Iterable[Path]) -> Iterator[NotRead]:
-    """What the URDF of some bodies of a compiled model, given by number, leaves out, each once.
+    """What the URDF of some bodies of a model leaves out, each once.
 
-    The documents are the file, then the files that it includes.
+    Args:
+        model: The compiled model.
+        bodies: Numbers of the bodies in the URDF.
+        documents: The file, then the files that it includes.
     """
     main, *included = map(_parsed, documents)
     seen = set[tuple[str, str]]()
@@ -157,8 +160,12 @@ def _properties(
 ) -> Iterator[NotRead]:
     """Properties of an object that differ from the properties of a plain one and are not used.
 
-    The place is the prefix of the arrays and the object's number in the model. What is listed has
-    the element and the line.
+    Args:
+        model: The model.
+        plain: The plain model.
+        place: Prefix of the arrays, the object's number in the model, and the plain one's number.
+        element: The element in what is listed.
+        line: Line of the element.
     """
     prefix, number = place
     plain_number = int(prefix == "body")  # body 0 is the world

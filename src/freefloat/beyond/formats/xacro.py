@@ -89,8 +89,12 @@ def read(
     """The URDF that a xacro file makes.
 
     Files that it includes are relative to the file that includes them. ``$(find NAME)`` finds
-    packages by name in their folders, else among the folders above the file and the folders of ROS.
-    Arguments without a value have their defaults.
+    packages by name, else among the folders above the file and the folders of ROS.
+
+    Args:
+        file: The file.
+        packages: Folders of packages, by name.
+        arguments: Values of its arguments by name; others have their defaults.
 
     Raises:
         ModelError: If the file has errors, an argument without a default has no value, one is given

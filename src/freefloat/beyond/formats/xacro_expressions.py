@@ -35,7 +35,11 @@ class ExpressionError(Exception):
 
 
 def evaluate(expression: str, symbols: dict[str, Any]) -> Any:
-    """The value of an expression, with the values of names.
+    """The value of an expression.
+
+    Args:
+        expression: Text of the expression.
+        symbols: Values of names.
 
     Raises:
         ExpressionError: If it is more than an expression of numbers, text, lists and functions.

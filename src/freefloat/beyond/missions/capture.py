@@ -209,7 +209,10 @@ def capture(
 def _mobility(mass: float, inertia: Array, arm: Array) -> Array:
     """Change of a rigid body's twist at a point per impulse there, shape (6, 6).
 
-    The inertia (3, 3) is about the centre of mass, to which the arm leads from the point [m].
+    Args:
+        mass: Mass of the body [kg].
+        inertia: Inertia about the centre of mass [kg m²], shape (3, 3).
+        arm: Vector from the point to the centre of mass [m], shape (3,).
     """
     to_centre = np.eye(6)  # twist at the centre of mass from that at the point
     to_centre[:3, 3:] = -np.cross(np.eye(3), arm)

@@ -87,8 +87,10 @@ class GoalPhase(Phase):
 class PosedGoal:
     """The motion to a goal that a scenario asks for.
 
-    ``present`` are the attitude of the spacecraft, unit quaternion x, y, z, w, and the joints (n,)
-    at the start.
+    Attributes:
+        goal: The goal.
+        present: Attitude of the spacecraft, unit quaternion x, y, z, w, and joints (n,) at the
+            start.
     """
 
     def __init__(self, scenario: Scenario) -> None:

@@ -181,8 +181,11 @@ def prescribed_path(
 ) -> TimedPath:
     """A path in the frame of a manoeuvre or of a body, from the present centre of mass.
 
-    The bodies of the scene are seen from there, too. The centre (3,) is in the frame of the
-    manoeuvre [m], its drift in [m/s].
+    Args:
+        given: The path.
+        bodies: Bodies of the scene now, from the present centre of mass.
+        centre: Centre of mass in the frame of the manoeuvre [m], shape (3,).
+        drift: Velocity of the centre of mass [m/s], shape (3,).
     """
     if isinstance(given, RelativePath):
         body = next(body for body in bodies if body.name == given.body.name)
@@ -194,8 +197,11 @@ def prescribed_path(
 def require_continuous(path: TimedPath, pose: Pose, twist: Array | None, problem: Problem) -> None:
     """Raise an InputError unless a path begins with a pose and a twist of the end-effector.
 
-    Both are in the frame of the path, the twist (6,) in [m/s; rad/s], or None where it is not
-    known; the task of the problem says which part of them counts.
+    Args:
+        path: The path.
+        pose: Pose of the end-effector, in the frame of the path.
+        twist: Twist in that frame [m/s; rad/s], shape (6,); None where it is not known.
+        problem: Problem whose task is the part of both that counts.
     """
     jump = float(np.abs(_offset(path, pose, problem)).max())
     if jump > JUMP:

@@ -153,9 +153,13 @@ class PhaseSection(Section):
     def to_phase(
         self, problem: Problem, folder: Path, samples: Mapping[str, str], seed: int
     ) -> Phase:
-        """The phase in a scenario with a problem, and with the seed of searches for goals.
+        """The phase.
 
-        Its files are below the folder; samples are texts of the CSV files among them, by name.
+        Args:
+            problem: Problem of the scenario.
+            folder: Folder of the files that it names.
+            samples: Texts of the CSV files among them, by name.
+            seed: Seed of the search for a motion to a goal.
 
         Raises:
             InputError: If a value is invalid; keys are below the key of its kind.

@@ -143,9 +143,13 @@ class ExpectedState:
     def body(self, name: str, key: str, others: Sequence[str] = ()) -> SceneBody:
         """The free body with a name, at time zero.
 
+        Args:
+            name: Name of the body.
+            key: Key of the name, for errors.
+            others: What else the key accepts.
+
         Raises:
-            InputError: If it is not in the scene, or moves with the end-effector; it has the key of
-                the name, and what else this key accepts.
+            InputError: If it is not in the scene, or moves with the end-effector.
         """
         free = {body.name: body for body in self.bodies if body.motion != "target"}
         if name in free:

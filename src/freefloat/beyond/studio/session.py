@@ -44,7 +44,8 @@ Send = Callable[[dict[str, Any]], None]
 class Session:
     """What all browsers look at; they send messages and receive what changed.
 
-    ``newest`` has the newest message of each type, for a browser that connects.
+    Attributes:
+        newest: The newest message of each type, for a browser that connects.
     """
 
     def __init__(self, scenario: str, folder: Path, broadcast: Send) -> None:

@@ -140,8 +140,9 @@ class WorkerProcess:
     def __init__(self, answered: Callable[[WorkerAnswer], None], lost: Callable[[], None]) -> None:
         """Start a process; needs a running event loop.
 
-        In this loop it calls ``answered`` with every answer, and ``lost`` when the process died and
-        was replaced.
+        Args:
+            answered: Called in the event loop with every answer.
+            lost: Called in the event loop when the process died and was replaced.
         """
         self._answered, self._lost = answered, lost
         self._loop = asyncio.get_running_loop()

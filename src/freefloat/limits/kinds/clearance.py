@@ -37,10 +37,13 @@ class ClearanceLimit(Limit[float]):
     accuracy = 2e-4
 
     def __init__(self, setting: Setting, bound: float, *, stated: bool = True) -> None:
-        """Prepare the pairs that are to keep a distance [m].
+        """Prepare the pairs.
 
-        Where it was ``stated``, visuals of links without collision shapes count, and a ModelError
-        is raised if the robot's shapes cannot be used.
+        Args:
+            setting: Robot and scene.
+            bound: The smallest distance [m].
+            stated: Whether it was asked for: then visuals of links without collision shapes count,
+                and a ModelError is raised where the robot's shapes cannot be used.
         """
         from freefloat.limits.pairs import CollisionPairs  # coal and trimesh import slowly
 

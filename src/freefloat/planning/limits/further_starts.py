@@ -30,16 +30,12 @@ _MORE = 2
 
 @dataclass(frozen=True, eq=False)
 class SearchStarts:
-    """Attitudes (K, 4), x, y, z, w, from which motions of smaller violations are searched for.
+    """Attitudes from which motions of smaller violations are searched for."""
 
-    Merits are minus the violations of the motions from them, shape (K, B), ``spacing`` is the
-    distance of neighbours [rad]; so many attitudes were ``added`` to the samples of the plan.
-    """
-
-    attitudes: Array
-    merits: Array
-    spacing: float
-    added: int
+    attitudes: Array  # quaternions x, y, z, w, (K, 4)
+    merits: Array  # minus the violations of the motions from them, (K, B)
+    spacing: float  # distance of neighbouring attitudes [rad]
+    added: int  # how many attitudes are not samples of the plan
 
 
 def starts_of(

@@ -50,14 +50,11 @@ _Planned = tuple[Array, Array, float, float]
 
 @dataclass(frozen=True, eq=False)
 class RangeLimit:
-    """A motion that is tangent to its margin at a touch point and keeps it everywhere else.
+    """A motion that is tangent to its margin and keeps it everywhere else."""
 
-    Its headings at the start and the end of the span are in [0, 2 pi) [rad].
-    """
-
-    touch_point: TouchPoint
-    start_heading: float
-    end_heading: float
+    touch_point: TouchPoint  # where |S| of the motion is smallest
+    start_heading: float  # heading at the start of the span [rad], in [0, 2 pi)
+    end_heading: float  # heading at the end of the span [rad], in [0, 2 pi)
 
     def to_dict(self, span: Span) -> dict[str, Any]:
         """The JSON document of the touch point, with the headings at both ends of a span."""

@@ -52,8 +52,14 @@ def confirmed_radius(
 ) -> float:
     """The largest radius, up to a given one, whose ball no adversarial search breaks.
 
-    Where one broke a larger ball, two others confirm it: one alone may miss a thin sheet. Below the
-    ``least`` radius zero is returned; no deviation is larger than the ``most``.
+    Where one broke a larger ball, two others confirm it: one alone may miss a thin sheet.
+
+    Args:
+        regularity: Regularity of deviations.
+        radius: Radius to begin with.
+        effort: Effort of each search.
+        least: Radius below which zero is returned.
+        most: No deviation is larger.
     """
     seed, silent, known = 0, 0, _NONE
     while radius > least:

@@ -83,11 +83,14 @@ def is_unique(evaluator: FeasibilityEvaluator, best: Peak, domain: SearchDomain)
 def separate_best(
     attitudes: Array, merits: Array, branches: Sequence[int | None], count: int, spacing: float
 ) -> list[ScoredAttitude]:
-    """At most ``count`` attitudes of the largest merits, no two of a branch near each other.
+    """Attitudes of the largest merits among (K, 4), no two of a branch near each other.
 
-    Of attitudes (K, 4) the merits (K, B) are along arm branches, -inf where there is none;
-    ``[None]`` stands for branches where the best of them counts. Neighbours are ``spacing`` apart
-    [rad].
+    Args:
+        attitudes: Quaternions x, y, z, w, shape (K, 4).
+        merits: Merits along arm branches, -inf where there is none, shape (K, B).
+        branches: Numbers of the branches; ``[None]`` where the best of them counts.
+        count: Number of attitudes, at most.
+        spacing: Distance of neighbouring attitudes [rad].
     """
     if len(branches) < merits.shape[1]:
         merits = merits.max(axis=1, keepdims=True)
@@ -104,10 +107,13 @@ def separate_best(
 
 @dataclass(frozen=True, eq=False)
 class Climb:
-    """Search for attitudes of larger merits near others, along their arm branches, in a domain.
+    """Search for attitudes of larger merits near others, along their arm branches.
 
-    ``merit`` gives merits (K,) of attitudes (K, 4) along branches (K,); patterns of attitudes
-    around others that are smaller than the finest [rad] end a search.
+    Attributes:
+        merit: Merits of attitudes (K, 4) along branches (K,), shape (K,).
+        domain: The searched domain.
+        finest: Patterns smaller than this end a search [rad].
+        pattern: Attitudes around others.
     """
 
     merit: Callable[[Array, IntArray | None], Array]

@@ -65,9 +65,12 @@ LONGEST = 10.0
 
 @dataclass(frozen=True, eq=False)
 class NearbyAttitudes:
-    """Rotations of attitudes (C, 4), x, y, z, w, and which of them lead out of the feasible set.
+    """Rotations of some attitudes, and which of them lead out of the feasible set.
 
-    Each has an arm branch, shape (C,), or none where the best branch of a redundant arm counts.
+    Attributes:
+        evaluator: Integrates the motions.
+        attitudes: Quaternions x, y, z, w, shape (C, 4).
+        branches: Arm branch of each, shape (C,); None for the best branch of a redundant arm.
     """
 
     evaluator: FeasibilityEvaluator

@@ -36,18 +36,14 @@ _GAUSS = np.polynomial.legendre.leggauss(4)
 
 @dataclass(frozen=True, eq=False)
 class _SplineLimits:
-    """Limits at K places by the N coefficients w of y = values w, shape (K, N).
+    """Limits at K places by the N coefficients w of y."""
 
-    They are linear w <= bounds, and sqrt(y) jerk w <= left, at numbered places, where ``left`` is
-    the jerk that momentum and drift leave.
-    """
-
-    values: Array
-    linear: Array
-    bounds: Array
-    jerk: Array
-    left: Array
-    place: IntArray
+    values: Array  # the matrix of y, (K, N)
+    linear: Array  # matrix of the limits linear w <= bounds
+    bounds: Array  # bounds of the linear limits
+    jerk: Array  # matrix of the limits sqrt(y) jerk w <= left
+    left: Array  # jerk that momentum and drift leave, of the limits of jerk
+    place: IntArray  # places of the limits of jerk, integers
 
     def largest_constant(self) -> float:
         """The largest y, the same everywhere, that keeps the limits; 0 where there is none."""

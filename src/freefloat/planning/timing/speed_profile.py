@@ -72,9 +72,13 @@ def fastest_speeds(
 ) -> Speeds:
     """Rows of times [s] and speeds ds/dt of the fastest timing; none where no timing keeps limits.
 
-    With limits of jerks rows have d²s/dt², too, and ``intervals``, the number of intervals of s
-    with constant u, does not matter. The motion leads from rest to rest along the whole path; the
-    limits, which pass :func:`require_considered`, have a scale.
+    With limits of jerks rows have d²s/dt², too, and ``intervals`` does not matter.
+
+    Args:
+        motion: Motion from rest to rest along the whole path.
+        limits: Limits that pass :func:`require_considered`.
+        scale: Factor on the limits.
+        intervals: Number of intervals of s with constant u.
     """
     if limits.joint_jerk is not None:
         return smooth_speeds(motion, limits, scale)

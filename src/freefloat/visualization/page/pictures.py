@@ -67,10 +67,15 @@ def take_pictures(
     progress: Progress | None = None,
     key: str = "snapshots",
 ) -> Generator[bytes]:
-    """Yield PNG pictures of a page at some times [s]; close the iterator if it is not exhausted.
+    """Yield PNG pictures of a page at some times; close the iterator if it is not exhausted.
 
-    The size is in pixels. The scene, by its title, is the first by default; the key is the option
-    named in errors.
+    Args:
+        html: Page, see :meth:`freefloat.visualization.page.playback.Playback.html`.
+        times: Times of the pictures [s].
+        size: Width and height [pixels].
+        scene: Title of the scene; the first by default.
+        progress: Called with the fraction done, in [0, 1].
+        key: Option named in errors.
 
     Raises:
         InputError: If Playwright or a browser is missing, or the page cannot be drawn.
@@ -128,11 +133,16 @@ def save_snapshots(
     scene: str | None = None,
     progress: Progress | None = None,
 ) -> list[Path]:
-    """Write so many pictures at evenly spaced times and return the files.
+    """Write pictures at evenly spaced times and return the files.
 
-    The names of the files begin with the name; number and time on the picture's clock follow. The
-    folder is created if it is missing. Size and scene are as of :func:`take_pictures`; a scene may
-    be ``"side by side"``.
+    Args:
+        playback: Scene and page.
+        count: Number of pictures.
+        folder: Output folder, created if missing.
+        name: Prefix of the file names; number and time on the picture's clock follow.
+        size: Width and height [pixels].
+        scene: Title of the scene, or ``"side by side"``; the first by default.
+        progress: Called with the fraction done, in [0, 1].
 
     Raises:
         InputError: If pictures cannot be taken or written.
@@ -165,14 +175,11 @@ def save_picture(
 
 @dataclass(frozen=True)
 class FrameTimes:
-    """Frame times of a video, since the beginning of the motion [s], and frames per second.
+    """Frame times of a video."""
 
-    The speed is in seconds of the motion per second of the video.
-    """
-
-    times: tuple[float, ...]
-    rate: float
-    speed: float
+    times: tuple[float, ...]  # times since the beginning of the motion [s]
+    rate: float  # frames per second
+    speed: float  # seconds of the motion per second of the video
 
     @property
     def duration(self) -> float:
@@ -188,10 +195,16 @@ class FrameTimes:
 def frame_times(
     file: Path, duration: float, rate: float | None = None, speed: float | None = None
 ) -> FrameTimes:
-    """The frame times of a video, up to the end of a motion with a duration [s].
+    """The frame times of a video, up to the end of the motion.
 
-    There are 20 frames per second by default. The default speed is real time or, if the video would
-    be longer than 15 s, the smallest of 2, 4, 5, 8, 10, 20, ... that makes it shorter.
+    The default speed is real time or, if the video would be longer than 15 s, the smallest of 2,
+    4, 5, 8, 10, 20, ... that makes it shorter.
+
+    Args:
+        file: Video file.
+        duration: Duration of the motion [s].
+        rate: Frames per second, 20 by default.
+        speed: Seconds of the motion per second of the video.
 
     Raises:
         InputError: If a number is out of range, the file type is unknown, or ffmpeg is missing.
@@ -229,10 +242,16 @@ def save_video(
     scene: str | None = None,
     progress: Progress | None = None,
 ) -> FrameTimes:
-    """Write a video and return its frame times, see :func:`frame_times`.
+    """Write a video and return its frame times.
 
-    A ``.gif`` repeats forever, a ``.mp4`` (H.264) needs ffmpeg. Size and scene are as of
-    :func:`save_snapshots`.
+    Args:
+        playback: Scene and page.
+        file: A ``.gif`` (repeats forever) or ``.mp4`` (H.264, needs ffmpeg) file.
+        rate: Frames per second, see :func:`frame_times`.
+        speed: Seconds of the motion per second of the video.
+        size: Width and height [pixels].
+        scene: Title of the scene, or ``"side by side"``; the first by default.
+        progress: Called with the fraction done, in [0, 1].
 
     Raises:
         InputError: If pictures cannot be taken, the file cannot be written or ffmpeg fails.

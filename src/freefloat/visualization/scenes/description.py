@@ -21,11 +21,15 @@ _STOPS = 9
 
 @dataclass(frozen=True)
 class Label:
-    """A text at a point [m] of the scene, or in the frame of a node, which it moves with.
+    """A text at a point of the scene.
 
-    The node is a path below the path of the scene, empty for the scene. The text is shown and
-    hidden with an item, and from a time on [s]. The colour is one of CSS, the page's if it is
-    empty.
+    Attributes:
+        text: The text.
+        position: The point [m], in the frame of ``node``.
+        item: Item that the label is shown and hidden with.
+        since: Time from which on it is shown [s].
+        node: Path of a node that it moves with, below the path of the scene; empty for the scene.
+        colour: Colour of the text, in CSS; the page's colour if it is empty.
     """
 
     text: str
@@ -38,11 +42,14 @@ class Label:
 
 @dataclass(frozen=True)
 class Trail:
-    """Values at the key times [s] of a motion, with magnitudes of the margin's measure.
+    """Values at the key times of a motion.
 
-    Fractions are path parameters s, None where the joints are prescribed. ``indices`` is the number
-    of triangle indices of trails per segment. Of each joint there are name, whether it is
-    prismatic, and values [rad or m].
+    Attributes:
+        times: Key times [s].
+        values: Magnitudes of the margin's measure.
+        fractions: Path parameters s; None where the joints are prescribed.
+        indices: Number of triangle indices of trails per segment.
+        joints: Name, whether it is prismatic, and values [rad or m] of each joint.
     """
 
     times: list[float]
@@ -54,27 +61,20 @@ class Trail:
 
 @dataclass(frozen=True)
 class TitledScene:
-    """A motion, an arm branch of a map, or a map of the joint space, shown by its title.
+    """A motion, an arm branch of a map, or a map of the joint space, shown by its title."""
 
-    A motion begins and ends at times [s]; the ending is a word, the verdict a sentence on how it
-    ended. Ending, verdict and trail are None for maps. The lines are the text of a map, or warnings
-    about a motion. The origin is the place of its coordinates in the scene [m], the margin the
-    required magnitude of the measure, zero for none. Whether a motion keeps it is known between the
-    values of the trail, too.
-    """
-
-    title: str
-    node: str
-    labels: list[Label]
-    begin: float = 0.0
-    end: float = 0.0
-    ending: str | None = None
-    verdict: str | None = None
-    trail: Trail | None = None
-    lines: tuple[str, ...] = ()
-    origin: Sequence[float] = (0.0, 0.0, 0.0)
-    margin: float = 0.0
-    keeps_margin: bool = True
+    title: str  # the title
+    node: str  # name of its node in the scene tree
+    labels: list[Label]  # labels of the scene
+    begin: float = 0.0  # start of the motion [s]
+    end: float = 0.0  # end of the motion [s]
+    ending: str | None = None  # how the motion ended, a word; None for maps
+    verdict: str | None = None  # how the motion ended, a sentence; None for maps
+    trail: Trail | None = None  # values over time; None for maps
+    lines: tuple[str, ...] = ()  # text of a map; warnings about a motion
+    origin: Sequence[float] = (0.0, 0.0, 0.0)  # place of its coordinates in the scene [m]
+    margin: float = 0.0  # required magnitude of the measure; zero for none
+    keeps_margin: bool = True  # whether the motion keeps it, between the values of the trail, too
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,31 +99,23 @@ class Samples:
 
 @dataclass(frozen=True)
 class View:
-    """First view of a scene, in the direction from the centre to the eye.
+    """First view of a scene."""
 
-    Centre and radius are of a ball that contains the scene [m]; the picture must contain the points
-    [m]. A flat scene lies in the x-y plane.
-    """
-
-    centre: list[float]
-    radius: float
-    points: list[list[float]]
-    direction: list[float]
-    flat: bool
+    centre: list[float]  # centre of a ball that contains the scene [m]
+    radius: float  # radius of that ball [m]
+    points: list[list[float]]  # points that the picture must contain [m]
+    direction: list[float]  # direction from the centre to the eye
+    flat: bool  # whether the scene lies in the x-y plane
 
 
 @dataclass(frozen=True)
 class MarginColours:
-    """Scale from the margin (dark) to the largest value (bright); a single colour below.
+    """Scale from the margin (dark) to the largest value (bright); a single colour below."""
 
-    ``used`` says whether any value keeps the margin, ``limited`` whether values are zero where a
-    limit is violated.
-    """
-
-    margin: Margin
-    largest: float
-    used: bool = True
-    limited: bool = False
+    margin: Margin  # measure and threshold
+    largest: float  # value of the brightest colour
+    used: bool = True  # whether any value keeps the margin
+    limited: bool = False  # whether values are zero where a limit is violated
 
     @classmethod
     def over(cls, margin: Margin, values: Iterable[Array], limited: bool = False) -> MarginColours:
@@ -154,11 +146,17 @@ class MarginColours:
 class SceneDescription:
     """Description of a scene for the page.
 
-    Items are the names of the nodes that can be hidden, and whether they are visible at first. The
-    legend has the colours of the margin (:meth:`MarginColours.to_dict`), or ``entries``: text and
-    colour of each part of the scene. Remarks are on visuals of the robot that cannot be drawn. In a
-    sequence the motions follow one another. ``start`` is what the clock of the page shows at its
-    beginning [s]; all other times are from it.
+    Attributes:
+        title: Title of the page.
+        scenes: Motions, or arm branches of a map.
+        items: Names of the nodes that can be hidden, and whether they are visible at first.
+        legend: Colours of the margin (:meth:`MarginColours.to_dict`), or ``entries``: text and
+            colour of each part of the scene.
+        view: First view.
+        remarks: Messages on visuals of the robot that cannot be drawn.
+        samples: Samples of a map.
+        sequence: Whether the motions follow one another.
+        start: What the clock of the page shows at its beginning [s]; all other times are from it.
     """
 
     title: str

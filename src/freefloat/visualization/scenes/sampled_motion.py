@@ -45,10 +45,14 @@ _BEYOND = 2.0
 
 
 def key_times(motion: Motion, limit: int = MAX_KEYS) -> Array:
-    """The times of a motion's key frames [s], shape (K,), in single precision, at most ``limit``.
+    """The times of a motion's key frames [s], shape (K,), in single precision.
 
     The union of evenly spaced times, 25 per second of playback and 12 per revolution of a tumbling
     body, and of the integration nodes, which are dense near singularities.
+
+    Args:
+        motion: The motion.
+        limit: Maximum number of key frames.
     """
     first, last = float(motion.times.min()), float(motion.times.max())
     bodies = motion.setting.scene.bodies

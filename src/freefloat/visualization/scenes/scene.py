@@ -45,8 +45,9 @@ ROBOT = "Robot"
 class Place:
     """When and where the coordinates of a motion begin.
 
-    Its time is zero at the time ``start`` of all motions together [s], as the clock shows it; then
-    the centre of mass is at the origin [m].
+    Attributes:
+        start: Time of all motions together, as the clock shows it, at which its time is zero [s].
+        origin: Place of the centre of mass then [m].
     """
 
     start: float = 0.0
@@ -90,10 +91,14 @@ def motion_scene(
     places: Sequence[Place] = (),
     violations: Mapping[str, str] | None = None,
 ) -> PageScene:
-    """The scene of motions by name, each below a node with its name, for a page with a title.
+    """The scene of motions, each below a node with its name.
 
-    Limits of pointing are drawn with each motion. Places are given for motions that follow one
-    another; violations are what motions violate, by their names.
+    Args:
+        motions: Motions by name.
+        title: Title of the page.
+        limits: Limits, of which the limits of pointing are drawn with each motion.
+        places: When and where each motion begins, if they follow one another.
+        violations: What motions violate, by their names.
 
     Raises:
         InputError: If there is no motion, names coincide, or measures or margins differ.

@@ -41,16 +41,12 @@ Colour = Sequence[float]
 
 @dataclass(frozen=True, eq=False)
 class PageScene:
-    """MeshCat commands of a scene as MessagePack, and its description for the page.
+    """MeshCat commands of a scene and its description for the page."""
 
-    The second path of a pair of copies has the object of the first. The animation is a command with
-    all tracks, None without any.
-    """
-
-    objects: tuple[bytes, ...]
-    copies: tuple[tuple[str, str], ...]
-    animation: bytes | None
-    description: SceneDescription
+    objects: tuple[bytes, ...]  # commands that create the scene, as MessagePack
+    copies: tuple[tuple[str, str], ...]  # pairs of paths; the second has the object of the first
+    animation: bytes | None  # command with all tracks, as MessagePack; None without an animation
+    description: SceneDescription  # titles, labels, colour scale and first view, for the page
 
     def commands(self) -> Iterator[dict[str, Any]]:
         """Yield MeshCat's commands, unpacked: the objects, their copies, the animation."""

@@ -48,16 +48,13 @@ def body_visuals(number: int, body: SceneBody) -> Visuals:
 
 @dataclass(frozen=True, eq=False)
 class Surroundings:
-    """The scene at key times of a motion [s], shape (K,), with the shapes of its bodies.
+    """The scene at key times of a motion."""
 
-    The frames of bodies and corridor are at these times; the corridor is None without one.
-    """
-
-    motion: Motion
-    times: Array
-    poses: tuple[Pose, ...]
-    corridor: Pose | None
-    visuals: tuple[Visuals, ...]
+    motion: Motion  # the motion
+    times: Array  # the key times [s], (K,)
+    poses: tuple[Pose, ...]  # frames of the bodies at these times
+    corridor: Pose | None  # frames of the corridor at these times; None without one
+    visuals: tuple[Visuals, ...]  # shapes of the bodies
 
     @classmethod
     def of(cls, motion: Motion, times: Array, places: Array) -> Surroundings:

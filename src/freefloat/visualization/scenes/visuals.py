@@ -39,18 +39,13 @@ Shape = Box | Cylinder | Sphere | Mesh
 
 @dataclass(frozen=True, eq=False)
 class Visual:
-    """A shape of a link, as it is drawn, in one colour.
+    """A shape of a link, as it is drawn."""
 
-    The name is the link's, numbered where it has several shapes, unique in the robot. The shape is
-    part of a rigid body, 0 is the spacecraft, k is moved by joint k, and placed in the body's joint
-    frame.
-    """
-
-    name: str
-    body: int
-    placement: Pose
-    shape: Shape
-    colour: Colour
+    name: str  # name of the link, numbered where it has several shapes; unique in the robot
+    body: int  # the rigid body that it is part of: 0 is the spacecraft, k is moved by joint k
+    placement: Pose  # frame of the shape in the body's joint frame
+    shape: Shape  # geometry of the shape
+    colour: Colour  # colour of the whole shape
 
 
 def body_poses(motion: Motion, parameters: Array) -> tuple[Array, Array]:
@@ -78,9 +73,11 @@ def tip_links(model: FreeFloatingModel) -> tuple[str, ...]:
 def view_direction(motions: Sequence[Array], others: Sequence[Array] = ()) -> Array:
     """The direction to the eye with the arms in front and the paths across the picture.
 
-    Positions of each motion are as of :func:`body_poses` [m], shape (K, n + 2, 3). Others, places
-    of bodies of the scene [m], shape (3,) each, are beside the robots, neither before nor behind
-    them.
+    Bodies of the scene are beside the robots, neither before nor behind them.
+
+    Args:
+        motions: Positions of each motion, as of :func:`body_poses` [m], shape (K, n + 2, 3).
+        others: Places of bodies of the scene [m], shape (3,) each.
     """
     arms = np.vstack([(bodies[:, 1:-1] - bodies[:, :1]).mean(axis=1) for bodies in motions])
     z = np.linspace(*_ELEVATIONS, _DIRECTIONS)
@@ -103,9 +100,11 @@ def view_direction(motions: Sequence[Array], others: Sequence[Array] = ()) -> Ar
 
 @dataclass(frozen=True, eq=False)
 class Visuals:
-    """Shapes of a robot, named after their links, or of a body of the scene.
+    """Shapes of a robot, or of a body of the scene.
 
-    Problems are messages on visuals that cannot be drawn.
+    Attributes:
+        shapes: Shapes, each fixed to a body; shapes of a robot are named after their links.
+        problems: Messages on visuals that cannot be drawn.
     """
 
     shapes: tuple[Visual, ...]

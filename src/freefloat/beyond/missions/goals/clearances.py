@@ -58,7 +58,8 @@ class Placed(NamedTuple):
 class SceneFrames:
     """The bodies of the scene of a setting.
 
-    ``free`` says which of them do not move with the end-effector, shape (S,).
+    Attributes:
+        free: Which of them do not move with the end-effector, shape (S,).
     """
 
     def __init__(self, setting: Setting) -> None:

@@ -137,7 +137,13 @@ def earlier(setting: JointSetting, duration: float) -> JointSetting:
 
 
 def goal_setting(system: System, attitude: Array, goal: Goal, scene: Scene) -> JointSetting:
-    """The setting of a motion to a goal, with the attitude and the scene at its start.
+    """The setting of a motion to a goal.
+
+    Args:
+        system: Robot, momentum, wheels and drift.
+        attitude: Attitude of the spacecraft at the start, unit quaternion x, y, z, w.
+        goal: What is to be reached.
+        scene: Scene from the centre of mass at the start.
 
     Raises:
         InputError: If momentum, attitude or scene do not suit the robot, or system or bodies would

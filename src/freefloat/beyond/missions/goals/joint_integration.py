@@ -72,9 +72,12 @@ def _attitudes(
 ) -> Array | None:
     """Quaternions at the points of a panel, shape (17, 4); None without convergence.
 
-    At its points are the inverse of D (17, 3, 3) and the angular velocity of the spacecraft without
-    momentum, its axes [rad/s], (17, 3); half of its duration is in [s], the angular momentum in
-    inertial axes [N m s].
+    Args:
+        first: The quaternion at its start.
+        half: Half of its duration [s].
+        inverse_D: Inverse of D at its points, shape (17, 3, 3).
+        own: Angular velocity of the spacecraft without momentum, its axes [rad/s], shape (17, 3).
+        momentum: Angular momentum, inertial axes [N m s], shape (3,).
     """
     quaternions, omega = np.tile(first, (len(own), 1)), own
     for _ in range(_ITERATIONS):

@@ -164,9 +164,14 @@ class JointPaths:
     def course(
         self, arm: PlacedArm, unknowns: Array, attitude: Array, momenta: Array, order: int = 1
     ) -> JointCourse:
-        """A path of a robot from an attitude (3, 3), with derivatives if the order is 1.
+        """Attitudes along a path.
 
-        For momenta (2, 3) see :func:`march`.
+        Args:
+            arm: The robot.
+            unknowns: Unknowns of the path.
+            attitude: Attitude of the spacecraft at the start, shape (3, 3).
+            momenta: Momenta of the system, inertial axes, and of wheels [N m s], shape (2, 3).
+            order: 1 for derivatives, whose arrays are empty otherwise.
         """
         points = self.control_points(unknowns)
         values = self.gauss @ points

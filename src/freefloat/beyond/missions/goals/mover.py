@@ -120,6 +120,11 @@ def posed(
 def move_from(query: Query, *, seed: int = 0, progress: Progress | None = None) -> GoalMotion:
     """Find a motion of the joints to a goal, from a state at which they may move.
 
+    Args:
+        query: What is asked for.
+        seed: Seed of the random paths.
+        progress: Called with the fraction done, in [0, 1].
+
     Raises:
         InputError: If robot, state and limits do not suit the goal.
     """
@@ -165,10 +170,19 @@ def arrive(
 
     When it begins is known only once it is found, and with it where the bodies of the scene are
     then. So it is found backward in time, from time zero: momentum, wheels, drift and the rates of
-    these bodies have opposite signs. The setting is the one at time zero, from the centre of mass
-    then, the motion from its first centre of mass; ``present`` are attitude and joints where it
-    begins. Without a duration [s] it is the shortest one found, in a search that begins with the
-    first duration.
+    these bodies have opposite signs.
+
+    Args:
+        setting: Robot, momentum, scene and limits at time zero, from the centre of mass then.
+        present: Attitude of the spacecraft and joints where it begins.
+        state: The state at the end.
+        duration: Duration [s]; None for the shortest one found that limits permit.
+        first_duration: Duration with which the search for that one begins [s].
+        seed: Seed of the random paths.
+        progress: Called with the fraction done, in [0, 1].
+
+    Returns:
+        The motion, from its first centre of mass.
     """
     attitude, joints = present
     query = Query(
@@ -210,7 +224,12 @@ def _why_not(
 ) -> GoalMotion:
     """The outcome of a search that found no motion, with the reason.
 
-    ``longer`` is what was found without the duration that was asked for.
+    Args:
+        outcome: The outcome.
+        search: The search.
+        seed: Seed of random paths.
+        longer: What was found without the duration that was asked for.
+        goal_words: What the goal is called.
     """
     if longer is not None and longer.duration is not None and longer.feasible:
         least = longer.duration

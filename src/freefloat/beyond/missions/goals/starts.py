@@ -39,7 +39,10 @@ _CLOSED_PER_START = 2
 def starts(relaxation: Relaxation, rng: np.random.Generator, most: int) -> Iterator[Array]:
     """Unknowns of paths that end at the goal, the most promising of random ones last.
 
-    At most so many of these are yielded.
+    Args:
+        relaxation: The family of paths and the goal.
+        rng: Generator of the random paths.
+        most: Most random paths.
     """
     paths = relaxation.paths
     blank = np.append(np.zeros((paths.rows, paths.joint_count)), 1.0)
