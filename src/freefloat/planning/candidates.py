@@ -18,10 +18,10 @@ _ALL_ATTITUDES = 8.0 * np.pi**2
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """An attitude, x, y, z, w, and the number of an arm branch; None for a redundant arm's best."""
+    """An attitude that was found between the samples."""
 
-    attitude: Quaternions
-    branch: int | None
+    attitude: Quaternions  # x, y, z, w
+    branch: int | None  # number of the arm branch; None for the best of a redundant arm
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "attitude", frozen(self.attitude))
