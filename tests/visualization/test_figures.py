@@ -1,6 +1,7 @@
 """Which figures a plan has; joint space and headings show its margins, ranges and motions."""
 
 from functools import cache
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,7 @@ from freefloat.visualization.figure_style import GREEN
 from freefloat.visualization.planar_figures import headings_figure, joint_space_figure
 from tests.figures import labels, line
 from tests.maps import branch_results
+from tests.robots import planar_robot
 from tests.scenarios import PARABOLA
 
 OF_A_MOTION = ["snapshots", "motion", "margin", "momentum"]
@@ -96,6 +98,24 @@ def test_s_is_what_the_curves_say(motions: list[Motion]) -> None:
         curve = curve[np.isfinite(curve).all(axis=1)]
         assert len(curve) > 500
         assert np.allclose(arm.determinant(two_angles(arm, curve)), level, atol=1e-6)
+
+
+def test_names_of_curves_stand_apart_and_the_legend_inside_the_figure(tmp_path: Path) -> None:
+    """Curves I to IV of this arm turn back; the margin has more digits than the paper's."""
+    (robot := tmp_path / "robot.urdf").write_text(
+        planar_robot([2.84, 2.48, 4.65], [0.66, 0.57, 0.69], [0.11, 0.51], [1.57, 0.1, 0.43])
+    )
+    path = ff.paths.PolynomialCurve.line([0.5, 0.0, 0.0], [0.6, 0.1, 0.0])
+    problem = ff.Problem(
+        str(robot), "end_effector", task="planar-position", path=path, duration=20.0,
+        margin=("system", 0.05),
+    )  # fmt: skip
+    figure = joint_space_figure(problem, [])
+    (axes,) = figure.axes
+    names = [text.get_window_extent() for text in axes.texts]
+    assert len(names) == 4
+    assert not any(one.overlaps(other) for one, other in combinations(names, 2))
+    assert axes.get_legend().get_window_extent().width <= figure.bbox.width
 
 
 @pytest.mark.slow

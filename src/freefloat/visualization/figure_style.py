@@ -54,10 +54,9 @@ _STYLE: Any = {
 }  # fmt: skip
 _SCREEN = 130.0
 """Resolution of figures in notebooks [dots per inch]."""
-_CROWDED, _LONGEST_LINE = 6, 8
-"""Number of entries above which a legend's lines are set tighter, and the most in a line."""
-_LETTER, _BEYOND = 0.55, 1.25
-"""Width of a letter over the size of letters, and of a legend over its axes' width, at most."""
+_CROWDED, _LONGEST_LINE, _BEYOND = 6, 8, 1.15
+"""Entries above which a legend is set tighter, most entries in a line, and its largest width over
+the width of its axes before they are laid out."""
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -173,20 +172,18 @@ def draw_point(axes: Any, position: Array, marker: str, size: float, **style: An
 
 def legend_above(axes: Any, columns: int | None = None, longest: int = _LONGEST_LINE) -> None:
     """Put the legend above the axes: in lines of at most some names, or centred in columns."""
-    names = axes.get_legend_handles_labels()[1]
-    count, letters = len(names), max(map(len, names), default=0)
+    count = len(axes.get_legend_handles_labels()[1])
     crowded = columns is None and count > min(_CROWDED, longest)
-    size = matplotlib.rcParams["legend.fontsize"]
-    entry = size * ((2.5 if crowded else 3.3) + _LETTER * letters)
-    width = 72.0 * axes.get_window_extent().width / axes.figure.dpi
-    lines = max(1, -(-count // min(longest, max(1, int(_BEYOND * width / entry)))))
-    columns_needed = columns or max(1, -(-count // lines))
-    axes.legend(
-        loc="lower left" if columns is None else "lower center",
-        bbox_to_anchor=(0.0 if columns is None else 0.5, 1.0), ncols=columns_needed,
-        borderaxespad=0.1, columnspacing=0.6 if crowded else 0.9,
-        handlelength=1.5 if crowded else 2.0, handletextpad=0.4,
-    )  # fmt: skip
+    width = axes.figure.bbox.width if columns else _BEYOND * axes.get_window_extent().width
+    for lines in range(max(1, -(-count // (columns or longest))), max(1, count) + 1):
+        legend = axes.legend(
+            loc="lower left" if columns is None else "lower center",
+            bbox_to_anchor=(0.0 if columns is None else 0.5, 1.0), ncols=max(1, -(-count // lines)),
+            borderaxespad=0.1, columnspacing=0.6 if crowded else 0.9,
+            handlelength=1.5 if crowded else 2.0, handletextpad=0.4,
+        )  # fmt: skip
+        if legend.get_window_extent().width <= width:
+            break
 
 
 @styled

@@ -20,9 +20,8 @@ from freefloat.regions.planar_regions import PlanarArm, point_3, point_3_on_path
 from freefloat.so3 import Array
 from freefloat.visualization import figure_style as style
 
-_FEW = 2
-"""Largest number of arm branches whose labels are written in full."""
-_FEASIBLE = "#CFE3EF"
+_FEW, _FEASIBLE = 2, "#CFE3EF"
+"""Largest number of arm branches whose labels are written in full; colour of feasible headings."""
 Touching = tuple[Motion, TouchPoint]
 """A motion that just keeps the margin, and where it touches the margin curve."""
 _GRID = 361
@@ -38,8 +37,8 @@ _CLEAR: Any = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 0
 _LETTER: Any = {"ha": "center", "va": "center", "zorder": 6, "bbox": _CLEAR}
 _APART = 30.0
 """Least distance of touch points that are lettered [deg]."""
-_NUDGE = np.array([0.0, 0.05])
-"""Step across a curve, by which the side of larger S is found [deg]."""
+_NUDGES, _OUTWARDS = 0.05 * np.eye(2), 24.0
+"""Steps to the side of larger S, and distance of a name from its curve [deg]."""
 _OUTLINED: Any = {"color": style.GREEN, "markeredgecolor": style.BLACK, "zorder": 7}
 
 
@@ -142,7 +141,7 @@ def joint_space_figure(
     others = [motion_curve(motion) for motion in [*motions, *(motion for motion, _ in touching)]]
     drawn_before = np.vstack([*others, *(curve_in_window(np.degrees(c.joints)) for c in curves)])
     if others:
-        _draw_distances(axes, problem, arm, points, drawn_before)
+        drawn_before = _draw_distances(axes, problem, arm, points, drawn_before)
     for number, (motion, _) in enumerate(touching):
         label = None if number else "touching motion"
         rows = motion_curve(motion)
@@ -193,14 +192,16 @@ def _draw_levels(axes: Any, problem: Problem, arm: PlanarArm) -> list[MarginCurv
 def _name_curves(axes: Any, arm: PlanarArm, curves: Sequence[MarginCurve], others: Array) -> None:
     """Write the names I to IV once each, singularity and margin curves on their outer sides.
 
-    A name stands where it is far from other curves, shape (K, 2) [deg].
+    A name stands where it is far from other names and curves, shape (K, 2) [deg].
     """
     for name, curve in {curve.name: curve for curve in reversed(curves)}.items():
         place = _freest(curve_in_window(np.degrees(curve.joints)), others)
-        above = arm.determinant(two_angles(arm, np.radians(place + _NUDGE))) > curve.level
-        side = 1.0 if above == (curve.level > 0.0) else -1.0
+        beside = arm.determinant(two_angles(arm, np.radians(place + _NUDGES))) - curve.level
+        outwards = beside if curve.level > 0.0 else -beside
+        spot = place + _OUTWARDS * outwards / np.linalg.norm(outwards)
+        others = np.vstack([others, place, spot])
         axes.annotate(
-            name, place, (0.0, 13.0 * side), textcoords="offset points", fontweight="bold",
+            name, place, spot, fontweight="bold",
             arrowprops={"arrowstyle": "-", "linewidth": 0.6, "shrinkA": 0.0, "shrinkB": 0.0},
             **_LETTER,
         )  # fmt: skip
@@ -238,10 +239,10 @@ def _draw_touch_points(axes: Any, points: Sequence[TouchPoint], others: Array) -
 
 def _draw_distances(
     axes: Any, problem: Problem, arm: PlanarArm, points: Sequence[TouchPoint], others: Array
-) -> None:
+) -> Array:
     """Draw where point 3 has the radius of the path's ends, A and B, and of others, E (28).
 
-    Their letters stand where they are far from other curves, shape (K, 2) [deg].
+    Their letters stand where they are far from other curves, shape (K, 2) [deg]; returns all.
     """
     across, up = (np.radians(low) + np.linspace(0.0, 2.0 * np.pi, _GRID) for low in _LOW)
     radii = np.abs(point_3(arm, np.stack(np.meshgrid(across, up), axis=-1)))
@@ -259,10 +260,11 @@ def _draw_distances(
                 linestyles=[dashes], linewidths=1.0,
             )  # fmt: skip
             place = _freest(np.vstack(curve.allsegs[0]), others)
-            others = np.vstack([others, *curve.allsegs[0]])
+            others = np.vstack([others, *curve.allsegs[0], place])
             axes.text(*place, f"$R_{letter}$", **_LETTER)
             label = f"$R_{letter}$ ({name})"
             axes.plot([], [], color=style.GREY, linestyle=dashes, linewidth=1.0, label=label)
+    return others
 
 
 def _draw_motion(
