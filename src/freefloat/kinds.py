@@ -125,12 +125,12 @@ RESULT_KINDS = {
     "attitude map": ResultKind(
         "planning.space.attitude_map:AttitudeMap",
         "visualization.figures:attitude_map_figures",
-        "visualization.scenes.map_scene:map_scene", "verification.margin_maps:map_report",
+        "visualization.scenes.map_scene:map_scene", "verification.recomputed:map_report",
         "studies.run:map_values",
     ),
     "map": ResultKind(
         "planning.margin_map:HeadingMap", "visualization.figures:heading_map_figures",
-        "visualization.scenes.map_scene:heading_scene", "verification.margin_maps:map_report",
+        "visualization.scenes.map_scene:heading_scene", "verification.recomputed:map_report",
         "studies.run:map_values",
     ),
     "singularity map": ResultKind(

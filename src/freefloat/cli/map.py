@@ -25,7 +25,7 @@ from freefloat.cli.options import (
     option,
 )
 from freefloat.errors import InputError
-from freefloat.ik.labels import short_label
+from freefloat.ik.numbering import short_label
 from freefloat.rounding import rounded_down
 
 if TYPE_CHECKING:

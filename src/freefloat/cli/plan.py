@@ -21,7 +21,7 @@ from freefloat.cli.motion_lines import (
     search_lines,
 )
 from freefloat.cli.options import Json, Page, Plots, Quiet, ResultFile, ScenarioName, Threads
-from freefloat.ik.labels import short_label
+from freefloat.ik.numbering import short_label
 from freefloat.kinds import kind_of, named
 from freefloat.rounding import digits_apart, rounded_down, rounded_up
 

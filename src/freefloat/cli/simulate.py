@@ -30,7 +30,7 @@ from freefloat.cli.options import (
     option,
 )
 from freefloat.errors import InputError
-from freefloat.ik.labels import short_label
+from freefloat.ik.numbering import short_label
 
 if TYPE_CHECKING:
     from freefloat.planning.motions import SimulatedBranch

@@ -25,7 +25,7 @@ from freefloat.dynamics.kernels.robot import (
     solver_in_tables,
 )
 from freefloat.lockstep.compilation import compiled, inlined, inner
-from freefloat.lockstep.damped_steps import damped_step
+from freefloat.lockstep.factors import damped_step
 from freefloat.lockstep.lanes import WIDTH, Float, magnitude, maximum, select, sqrt
 from freefloat.lockstep.tables import (
     Table,

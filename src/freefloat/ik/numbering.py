@@ -1,6 +1,8 @@
-"""Order, numbers and names of the arm branches at many poses."""
+"""Order, numbers, names and labels of the arm branches at many poses."""
 
 from __future__ import annotations
+
+import re
 
 import numpy as np
 import numpy.typing as npt
@@ -115,3 +117,17 @@ def columns_by_name(names: IntArray) -> IntArray:
     free = following[np.argsort(occupied[following], axis=0, kind="stable")]
     rank = np.maximum(np.cumsum(repeated, axis=0) - 1, 0)
     return np.where(repeated, np.take_along_axis(free, rank, axis=0), names)
+
+
+def branch_name(label: str) -> str:
+    """The label of an arm branch; ``branch 1`` where that is a number."""
+    return f"branch {label}" if label.isdigit() else label
+
+
+def short_label(label: str) -> str:
+    """``s+ e- w+`` for ``shoulder+ elbow- wrist+``; nothing for numbers and words."""
+    arms = []
+    for arm in label.split(", "):
+        words = [word for word in arm.split() if word[-1] in "+-" or re.fullmatch("[a-z]", word)]
+        arms.append(" ".join(word[0] + word[1:][-1:] for word in words))
+    return ", ".join(filter(None, arms))

@@ -30,7 +30,7 @@ from freefloat.verification.comparisons import (
     span_check,
     start_check,
 )
-from freefloat.verification.motions import (
+from freefloat.verification.recomputed import (
     bound_checks,
     known_branch,
     limit_checks,

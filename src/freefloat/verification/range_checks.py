@@ -39,7 +39,7 @@ from freefloat.planning.space.tolerated_deviations import (
 from freefloat.records import Known
 from freefloat.so3 import Array, BoolArray, rotated
 from freefloat.verification.comparisons import Check
-from freefloat.verification.margin_maps import known_samples
+from freefloat.verification.recomputed import known_samples
 
 _NEAR_END = 5e-4
 """Distance of tested headings from the ends of ranges [rad]."""

@@ -17,7 +17,7 @@ from scipy.ndimage import distance_transform_edt
 
 from freefloat.ensemble.endings import COMPLETED, LIMITED, SINGULAR, UNREACHED
 from freefloat.ensemble.feasibility import has_wrist_flipped_branches
-from freefloat.ik.labels import branch_name
+from freefloat.ik.numbering import branch_name
 from freefloat.motion.extrema import closest_approach
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.margin import keeps_threshold

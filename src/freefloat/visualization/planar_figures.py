@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from freefloat.ensemble.endings import LIMITED
-from freefloat.ik.labels import branch_name, short_label
+from freefloat.ik.numbering import branch_name, short_label
 from freefloat.motion.motion import Ending, Motion
 from freefloat.motion.problem import Problem
 from freefloat.planning.margin_map import HeadingMap

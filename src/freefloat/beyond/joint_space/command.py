@@ -23,7 +23,7 @@ from freefloat.cli.robots import (
     load_robot,
 )
 from freefloat.errors import InputError, finite_number
-from freefloat.ik.labels import short_label
+from freefloat.ik.numbering import short_label
 
 if TYPE_CHECKING:
     from freefloat.beyond.joint_space.components import SingularityComponents

@@ -35,8 +35,8 @@ from freefloat.verification.comparisons import (
     missing_motion_check,
     span_check,
 )
-from freefloat.verification.motions import MOTION, limit_checks, same_results
 from freefloat.verification.path_motions import plan_report
+from freefloat.verification.recomputed import MOTION, limit_checks, same_results
 
 _COMPLETED = MOTION._replace(values={**MOTION.values, "ending": Ending.COMPLETED})
 _STATE_ERROR, _PRECISE, _ENGINE = 1e-8, 1e-13, 1e-4

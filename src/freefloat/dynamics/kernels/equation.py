@@ -28,8 +28,8 @@ from freefloat.dynamics.kernels.kinematics import (
 )
 from freefloat.dynamics.kernels.robot import PRISMATIC, Robot, Solver, joints_of
 from freefloat.lockstep.compilation import inlined, inner
+from freefloat.lockstep.factors import factorize, solve_least_norm
 from freefloat.lockstep.lanes import Float
-from freefloat.lockstep.reflections import factorize, solve_least_norm
 from freefloat.lockstep.tables import Table, get_vector, set_vector
 from freefloat.lockstep.vectors import Vector, components, cross, dot, vector
 

@@ -15,6 +15,7 @@ from freefloat.ensemble.kernels.records import (
     ProblemTables,
 )
 from freefloat.lockstep.compilation import inlined, inner
+from freefloat.lockstep.factors import factorize
 from freefloat.lockstep.lanes import (
     Float,
     Mask,
@@ -26,7 +27,6 @@ from freefloat.lockstep.lanes import (
     sine_cosine,
     sqrt,
 )
-from freefloat.lockstep.reflections import factorize
 from freefloat.lockstep.tables import Table, subtable
 
 GJM, SYSTEM, ARM, SIGMA = 0, 1, 2, 3

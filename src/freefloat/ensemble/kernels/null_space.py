@@ -15,8 +15,8 @@ from freefloat.dynamics.kernels.kinematics import ANGULAR, AXIS, LINEAR, POINT, 
 from freefloat.dynamics.kernels.robot import PRISMATIC, TOTAL_MASS, Robot
 from freefloat.ensemble.kernels.records import Buffers, NullSpace
 from freefloat.lockstep.compilation import inlined, inner
+from freefloat.lockstep.factors import reflect
 from freefloat.lockstep.lanes import Float, select, sqrt
-from freefloat.lockstep.reflections import reflect
 from freefloat.lockstep.tables import Table, get_vector, subtable
 from freefloat.lockstep.vectors import cross, dot
 

@@ -34,6 +34,7 @@ from freefloat.ensemble.kernels.records import (
     ProblemTables,
 )
 from freefloat.lockstep.compilation import inlined, inner
+from freefloat.lockstep.factors import is_singular
 from freefloat.lockstep.lanes import (
     Float,
     Mask,
@@ -45,7 +46,6 @@ from freefloat.lockstep.lanes import (
     select,
     sqrt,
 )
-from freefloat.lockstep.reflections import is_singular
 from freefloat.lockstep.tables import Table, subtable
 
 _LAST_PART = 0.7

@@ -11,7 +11,7 @@ from meshcat import geometry as g
 
 from freefloat.attitude_grids import even_directions
 from freefloat.ensemble.feasibility import has_wrist_flipped_branches
-from freefloat.ik.labels import branch_name
+from freefloat.ik.numbering import branch_name
 from freefloat.planning.margin_map import HeadingMap, MarginMap
 from freefloat.planning.space.attitude_map import AttitudeMap
 from freefloat.rounding import rounded_down

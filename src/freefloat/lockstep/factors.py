@@ -1,13 +1,13 @@
-"""Householder reflections, S^T = Q R, for motions in lock step: determinants and least norms.
+"""Factors of matrices in lock step: Householder reflections, and Levenberg's steps by Cholesky.
 
-S has m rows and n >= m columns. Reflections need no pivoting, serve square and redundant arms, and
-give the sign of the determinant.
+By reflections, S^T = Q R, with n >= m columns of S, need no pivoting, serve square and redundant
+arms, and give the sign of the determinant.
 """
 
 from __future__ import annotations
 
 from freefloat.lockstep.compilation import inlined, inner
-from freefloat.lockstep.lanes import Float, Mask, magnitude, maximum, select, sqrt
+from freefloat.lockstep.lanes import Float, Mask, magnitude, maximum, minimum, select, sqrt
 from freefloat.lockstep.tables import Table
 
 _SINGULAR = 1e-13
@@ -101,3 +101,59 @@ def is_singular(m: int, A: Table, scales: Table) -> Mask:
         )  # one over R's diagonal element, zero where it is zero
         regular = regular & (size > 0.0) & (size * _SINGULAR * largest < 1.0)
     return ~regular
+
+
+_DAMPING, _SMALLEST = 0.1, 1e-13
+"""Damping relative to the square of the error, up to 1; the smallest one."""
+_PIVOT_ERROR = 2e-15
+"""Rounding error of a pivot relative to the trace: with less damping one could vanish."""
+
+
+@inlined
+def damped_step(m: int, n: int, J: Table, b: Table, square: Float, A: Table, x: Table) -> None:
+    """Write ``S' (S S' + damping)^-1 b`` into ``x``, the damping proportional to the error.
+
+    Args:
+        m: Number of rows of S.
+        n: Number of its columns.
+        J: S', shape (n, m).
+        b: Error, shape (m,); is replaced.
+        square: Square of the error's norm.
+        A: Workspace, shape (m, m).
+        x: Receives the step, shape (n,).
+    """
+    trace = 0.0 * square
+    for i in range(m):
+        for k in range(i + 1):
+            total = 0.0 * square
+            for j in range(n):
+                total += J[j, i] * J[j, k]
+            A[i, k] = total
+        trace += A[i, i]
+    damping = minimum(square, 1.0 + 0.0 * square) * _DAMPING
+    damping += maximum(trace * _PIVOT_ERROR, _SMALLEST + 0.0 * square)
+    for k in range(m):
+        pivot = A[k, k] + damping
+        for j in range(k):
+            pivot -= A[k, j] * A[k, j]
+        A[k, k] = 1.0 / sqrt(pivot)
+        for i in range(k + 1, m):
+            total = A[i, k]
+            for j in range(k):
+                total -= A[i, j] * A[k, j]
+            A[i, k] = total * A[k, k]
+    for k in range(m):
+        total = b[k]
+        for j in range(k):
+            total -= A[k, j] * b[j]
+        b[k] = total * A[k, k]
+    for k in range(m - 1, -1, -1):
+        total = b[k]
+        for j in range(k + 1, m):
+            total -= A[j, k] * b[j]
+        b[k] = total * A[k, k]
+    for j in range(n):
+        total = J[j, 0] * b[0]
+        for i in range(1, m):
+            total += J[j, i] * b[i]
+        x[j] = total
