@@ -19,8 +19,13 @@ from freefloat.so3 import Array
 
 _VERTICAL = 1e-9
 """Sine of the angle between an axis and a vertical one that is a rounding error."""
+_ROUNDING = 1e-13
+"""Part of a revolution that is a rounding error."""
 SAME = 1e-5
 """Largest joint difference of equal solutions [rad, m]."""
+EQUALLY_FAR = 1e-6
+"""Difference of distances [rad, m] that rounding decides: of symmetric solutions, and of solutions
+with one joint value, the farthest from the one given, in common."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,5 +122,5 @@ def rotated(v: Array, axis: Array, angle: Array) -> Array:
 
 
 def wrapped(angle: Array) -> Array:
-    """Angles wrapped into (-pi, pi]."""
-    return np.minimum(angle - tau * np.ceil((angle - np.pi) / tau), np.pi)
+    """Angles wrapped into (-pi, pi]; rounding does not turn pi into -pi."""
+    return np.minimum(angle - tau * np.ceil((angle - np.pi) / tau - _ROUNDING), np.pi)

@@ -24,6 +24,7 @@ from freefloat.dynamics.kernels.robot import (
     robot_in_tables,
     solver_in_tables,
 )
+from freefloat.ik.chain import EQUALLY_FAR
 from freefloat.lockstep.compilation import compiled, inlined, inner
 from freefloat.lockstep.factors import damped_step
 from freefloat.lockstep.lanes import WIDTH, Float, magnitude, maximum, select, sqrt
@@ -209,7 +210,7 @@ def spread(prismatic: BoolArray, q: Array, closest: float, chosen: Array) -> Non
         for column in range(min(chosen.shape[1], count)):
             farthest = 0
             for b in range(1, count):
-                if distance[b] > distance[farthest]:
+                if distance[b] > distance[farthest] + EQUALLY_FAR:
                     farthest = b
             if distance[farthest] < closest:
                 break

@@ -8,6 +8,7 @@ import numpy as np
 
 from freefloat.dynamics.tasks import Task, prescribed_rows
 from freefloat.ik.branches import BranchSets, many_arm_branches
+from freefloat.ik.chain import EQUALLY_FAR
 from freefloat.ik.newton import CONVERGED, Newton
 from freefloat.ik.several_arms import several_arm_branches
 from freefloat.robot.model import FreeFloatingModel, revolutions
@@ -15,9 +16,6 @@ from freefloat.so3 import Array
 
 _NEWTON_STEPS, _PATIENCE = 60, 6
 """Largest number of Newton's steps, and of consecutive steps that hardly reduce the residual."""
-_EQUALLY_FAR = 1e-9
-"""Difference of the distances of branches that are equally far: those that share a joint's value
-that is far from the one given do not differ by more than rounding [rad or m]."""
 GIVEN, CLOSEST = "given", "closest"
 """Labels of configurations of redundant arms that joint values choose."""
 
@@ -65,7 +63,7 @@ def _closest_of(model: FreeFloatingModel, sets: BranchSets, joints: Array) -> Br
     """The branch in each of K sets that is closest to joint values (n,) or (K, n)."""
     near = joints[..., None, :]
     shifted, distance = _distances(model, sets.joints, near)
-    far = distance > distance.min(axis=1, keepdims=True) + _EQUALLY_FAR
+    far = distance > distance.min(axis=1, keepdims=True) + EQUALLY_FAR
     squares = np.where(far | ~sets.exist, np.inf, np.square(shifted - near).sum(axis=-1))
     closest = squares == squares.min(axis=1, keepdims=True)
     closest &= sets.exist & (np.cumsum(closest, axis=1) == 1)  # the first of equals
