@@ -45,6 +45,17 @@ def test_many_runs_are_drawn_as_density() -> None:
     assert [line.get_ydata()[0] for line in panel.lines] == [60.0]
 
 
+def test_bars_are_seen_where_margins_are_close_together_and_far_from_the_required_one() -> None:
+    table = {"T": np.arange(200.0), "verdict": np.full(200, "feasible", dtype=object),
+             "margin": np.linspace(7.53, 7.54, 200), "margin_required": np.full(200, 2.0),
+             "measure": np.full(200, "arm")}  # fmt: skip
+    axes = study_figure(table, {"T": "T [s]"}).axes[0]
+    shown = np.diff(axes.get_xlim())[0]
+    bars = [bar for bar in axes.patches if bar.get_height() > 0.0]
+    assert sum(bar.get_height() for bar in bars) == 200.0
+    assert all(bar.get_width() > 0.005 * shown for bar in bars)
+
+
 def test_runs_of_which_none_has_a_margin_have_a_figure() -> None:
     table = {**TABLE, "verdict": np.full(3, "error", dtype=object), "margin": np.full(3, np.nan),
              "margin_required": np.full(3, np.nan)}  # fmt: skip

@@ -145,10 +145,11 @@ def digits(value: float) -> str:
 
 
 def edges_beside(bound: float, values: npt.ArrayLike, count: int) -> Array:
-    """Edges of about ``count`` bars of magnitudes; no bar is partly below a bound."""
+    """Edges of at most about ``count`` bars of magnitudes; no bar is partly below a bound."""
     bound *= 1.0 - ROUNDING  # values are kept up to rounding
     lowest, highest = np.min(values), np.max(values)
-    width = (highest - lowest) / count
+    drawn = max(highest, bound) - min(lowest, bound)
+    width = max((highest - lowest) / count, drawn / (4 * count))
     if width <= 1e-9 * highest:  # they are equal but for rounding
         width = highest / count
     width = max(width, 1e-9 * bound) or 1.0
