@@ -128,6 +128,13 @@ def test_quiet_prints_errors_and_documents_only(tmp_path: Path) -> None:
     assert "robots" in json.loads(run("models", "--quiet", "--json").stdout)
 
 
+def test_tables_cut_no_value_in_narrow_terminals(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("freefloat.cli.console._PIPE_WIDTH", 50)
+    printed = run("info", "planar_3dof/parabola").stdout
+    assert "\N{HORIZONTAL ELLIPSIS}" not in printed
+    assert max(map(len, printed.splitlines()[1:8])) <= 50
+
+
 def completed(folder: Path, line: str) -> list[str]:
     """What bash offers for a command line."""
     words = line.split(" ")

@@ -101,3 +101,15 @@ def test_outputs_do_not_replace_files_of_another_kind(key, option, name, content
     (folder / name).write_bytes(content)
     assert error("plan", NAME, option, name)["key"] == key
     assert (folder / name).read_bytes() == content
+
+
+def test_a_heading_out_of_reach_is_named_as_a_heading() -> None:
+    assert error("simulate", "ur5_servicer/table", "--heading", "90")["key"] == "heading"
+
+
+def test_a_refused_map_makes_no_folder(tmp_path: Path) -> None:
+    new = tmp_path / "new"
+    assert error("map", "ets_vii/reach", "--touch", "2", "--plots", new)["key"] == "task"
+    assert not new.exists()
+    missing = tmp_path / "missing" / "new"
+    assert error("map", "ets_vii/reach", "--plots", missing)["key"] == "plots"

@@ -69,7 +69,6 @@ def _tables(report: CheckReport, file: Path) -> Iterator[RenderableType]:
     Stated values that are the recomputed ones have one row; JSON has them all.
     """
     checks = table("check", "found", "allowed", "at [s]", "result", "")
-    checks.columns[0].no_wrap = True
     same = [entry for entry in report.checks if entry.relation == "=" and entry.passed]
     for entry in report.checks:
         if entry in same:

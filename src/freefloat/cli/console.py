@@ -15,7 +15,7 @@ import typer
 from rich.box import SIMPLE_HEAD
 from rich.console import Console as RichConsole
 from rich.console import RenderableType
-from rich.table import Table
+from rich.table import Column, Table
 from rich.text import Text
 
 from freefloat.errors import FreeFloatError
@@ -183,8 +183,9 @@ def error_document(error: FreeFloatError) -> dict[str, Any]:
 
 
 def table(*columns: str) -> Table:
-    """An empty table with the headings of its columns."""
-    return Table(*columns, box=SIMPLE_HEAD, show_edge=False)
+    """An empty table with the headings of its columns; no value is cut on narrow terminals."""
+    folded = (Column(column, overflow="fold") for column in columns)
+    return Table(*folded, box=SIMPLE_HEAD, show_edge=False)
 
 
 def decimals(values: Iterable[float], digits: int = 4) -> str:

@@ -19,7 +19,7 @@ from typer.core import TyperCommand
 from freefloat.errors import InputError
 from freefloat.io.files import (
     RESULT,
-    make_folder,
+    require_folder,
     require_replaceable,
     require_result_name,
     require_writable,
@@ -146,7 +146,7 @@ def _require_numbers(name: str, text: str, metavar: str) -> None:
 def prepare_outputs(
     *inputs: Path, folder: Path | None = None, kind: str = RESULT, **files: Path | None
 ) -> None:
-    """Check output files, and make a folder, before the work whose results they will hold.
+    """Check output files and a folder before the work whose results they will hold.
 
     Args:
         inputs: Files that the command reads.
@@ -172,7 +172,7 @@ def prepare_outputs(
             raise InputError(option, f"{file} is also {names[path]}", "a file of its own")
         names[path] = f"--{option}"
     if folder is not None:
-        make_folder("plots", folder)
+        require_folder("plots", folder)
 
 
 def distinct_stems(files: Sequence[Path]) -> list[str]:

@@ -118,6 +118,12 @@ def make_folder(key: str, folder: Path) -> None:
         _require_folder(folder)
 
 
+def require_folder(key: str, folder: Path) -> None:
+    """Raise an InputError unless files can be written into a folder, which may still be missing."""
+    with file_errors(key, folder, _FOLDER):
+        _require_folder(folder if folder.exists() else folder.parent)
+
+
 def _require_folder(folder: Path) -> None:
     if not folder.is_dir():
         raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT))

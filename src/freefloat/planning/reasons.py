@@ -204,12 +204,15 @@ def unreachable(problem: Problem, attitude: Array) -> UnreachableError:
     ends = "end-effector at the start of the path"
     if len(starts) > 1:
         ends = "end-effectors at the starts of their paths"
+    key, given = "attitude", f"{np.round(attitude, 6).tolist()}"
+    if problem.has_headings:
+        key, given = "heading", f"{np.degrees(problem.plane.heading(attitude)):.6g} deg"
     message = (
-        f"from {np.round(attitude, 6).tolist()} no arm configuration puts the {ends}, "
+        f"from {given} no arm configuration puts the {ends}, "
         f"{' and '.join(map(str, starts))} m from the centre of mass"
     )
-    accepted = "an attitude from which the arm reaches it, or a path that begins nearer"
-    return UnreachableError("attitude", message + light_spacecraft_hint(problem), accepted)
+    accepted = f"another {key}, from which the arm reaches it, or a path that begins nearer"
+    return UnreachableError(key, message + light_spacecraft_hint(problem), accepted)
 
 
 def light_spacecraft_hint(problem: Problem) -> str:
