@@ -18,8 +18,8 @@ from freefloat.ensemble.robots import Robots
 from freefloat.ensemble.systems import ScaledMotions
 from freefloat.limits.kinds import KINDS
 from freefloat.limits.kinds.clearance import ClearanceLimit
-from freefloat.limits.kinds.corridor import CorridorLimit
-from freefloat.limits.kinds.joint_torque import JointTorqueLimit
+from freefloat.limits.kinds.end_effector import CorridorLimit
+from freefloat.limits.kinds.joints import JointTorqueLimit
 from freefloat.limits.limit import Limit
 from freefloat.limits.limits import Limits
 from freefloat.motion.law import PathLaw

@@ -15,7 +15,7 @@ from freefloat.ensemble.systems import ScaledMotions, equivalents
 from freefloat.errors import FreeFloatError
 from freefloat.io.scenario.path_schema import FrameName
 from freefloat.io.scenario.scenario import Scenario
-from freefloat.limits.kinds.corridor import CorridorLimit
+from freefloat.limits.kinds.end_effector import CorridorLimit
 from freefloat.limits.limits import GIVEN
 from freefloat.limits.recorded_limits import RecordedLimits
 from freefloat.motion.pointing import AttitudeLimits

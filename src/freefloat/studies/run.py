@@ -17,8 +17,7 @@ from freefloat.ensemble.endings import DECIDERS, MOTION
 from freefloat.errors import FreeFloatError, InputError
 from freefloat.io.files import file_errors, written_beside
 from freefloat.kinds import STUDY_COMMANDS, kind_of, named
-from freefloat.limits.kinds.base_rate import BaseRateLimit
-from freefloat.limits.kinds.base_turn import BaseTurnLimit
+from freefloat.limits.kinds.spacecraft import BaseRateLimit, BaseTurnLimit
 from freefloat.limits.result import LimitResult, violated
 from freefloat.motion.extrema import joint_extents, maximum
 from freefloat.motion.motion import Ending

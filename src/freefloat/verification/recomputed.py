@@ -17,8 +17,8 @@ from freefloat.ensemble.result import BranchResults, EnsembleResult
 from freefloat.errors import InputError
 from freefloat.ik.branches import ArmBranch
 from freefloat.ik.nearest import CLOSEST, GIVEN
-from freefloat.limits.kinds.base_turn import BaseTurnLimit
-from freefloat.limits.kinds.joint_range import JointRangeLimit
+from freefloat.limits.kinds.joints import JointRangeLimit
+from freefloat.limits.kinds.spacecraft import BaseTurnLimit
 from freefloat.limits.limit import JointLimit, Limit
 from freefloat.limits.limits import LimitChecker
 from freefloat.limits.result import LimitResult

@@ -17,7 +17,7 @@ import numpy as np
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.ensemble.known_limits import KNOWN
 from freefloat.ensemble.result import EnsembleResult
-from freefloat.limits.kinds.corridor import CorridorLimit
+from freefloat.limits.kinds.end_effector import CorridorLimit
 from freefloat.limits.limits import Limits
 from freefloat.limits.result import all_violations, violated
 from freefloat.planning.candidates import ScoredAttitude

@@ -11,7 +11,7 @@ from freefloat.concurrency import Progress
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.ensemble.known_limits import KNOWN
 from freefloat.limits.kinds.clearance import ClearanceLimit
-from freefloat.limits.kinds.corridor import CorridorLimit
+from freefloat.limits.kinds.end_effector import CorridorLimit
 from freefloat.limits.limits import Limits
 from freefloat.limits.result import LimitResult, all_violations, violated
 from freefloat.planning.candidates import ScreenedCandidate

@@ -20,10 +20,9 @@ from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.ensemble.integrators import precise_motion
 from freefloat.ensemble.result import BranchResults, EnsembleResult
 from freefloat.errors import IntegrationError
-from freefloat.limits.kinds.base_rate import BaseRateLimit
 from freefloat.limits.kinds.clearance import ClearanceLimit
-from freefloat.limits.kinds.joint_range import JointRangeLimit
-from freefloat.limits.kinds.joint_rate import JointRateLimit
+from freefloat.limits.kinds.joints import JointRangeLimit, JointRateLimit
+from freefloat.limits.kinds.spacecraft import BaseRateLimit
 from freefloat.limits.limits import LimitChecker, Limits
 from freefloat.limits.result import LimitResult, needed_stretch
 from freefloat.motion.problem import Problem

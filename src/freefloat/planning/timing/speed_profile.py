@@ -15,11 +15,13 @@ import numpy as np
 import scipy
 
 from freefloat.errors import InputError
-from freefloat.limits.kinds.base_rate import BaseRateLimit
-from freefloat.limits.kinds.joint_acceleration import JointAccelerationLimit
-from freefloat.limits.kinds.joint_jerk import JointJerkLimit
-from freefloat.limits.kinds.joint_rate import JointRateLimit
-from freefloat.limits.kinds.joint_torque import JointTorqueLimit
+from freefloat.limits.kinds.joints import (
+    JointAccelerationLimit,
+    JointJerkLimit,
+    JointRateLimit,
+    JointTorqueLimit,
+)
+from freefloat.limits.kinds.spacecraft import BaseRateLimit
 from freefloat.limits.limits import GIVEN, Limits
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem

@@ -11,7 +11,7 @@ from freefloat.beyond.missions.goals.joint_integration import integrate_spline
 from freefloat.beyond.missions.goals.query import Query
 from freefloat.beyond.missions.goals.relaxation import Relaxation, TermWeights
 from freefloat.limits.kinds.clearance import ClearanceLimit
-from freefloat.limits.kinds.joint_torque import JointTorqueLimit
+from freefloat.limits.kinds.joints import JointTorqueLimit
 from freefloat.limits.result import LimitResult
 from freefloat.motion.law import JointLaw
 from freefloat.motion.motion import Motion

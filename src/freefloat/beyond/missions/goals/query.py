@@ -21,7 +21,7 @@ from freefloat.beyond.missions.goals.violations import ShapeLimits
 from freefloat.dynamics.inverse_dynamics import InverseDynamics
 from freefloat.dynamics.virtual_manipulator import reach_bound
 from freefloat.errors import InputError
-from freefloat.limits.kinds.base_rate import BaseRateLimit
+from freefloat.limits.kinds.spacecraft import BaseRateLimit
 from freefloat.limits.limits import GIVEN, LimitChecker, Limits
 from freefloat.limits.result import LimitResult
 from freefloat.motion.joint_curves import DEGREE, JointSpline

@@ -11,9 +11,8 @@ import numpy as np
 
 from freefloat.beyond.missions.goals.attitude_kernel import JointCourse
 from freefloat.beyond.missions.goals.joint_paths import JointPaths
-from freefloat.limits.kinds.base_turn import BaseTurnLimit
-from freefloat.limits.kinds.corridor import CorridorLimit
-from freefloat.limits.kinds.pointing import PointingLimits
+from freefloat.limits.kinds.end_effector import CorridorLimit, PointingLimits
+from freefloat.limits.kinds.spacecraft import BaseTurnLimit
 from freefloat.limits.limits import Limits
 from freefloat.limits.result import LimitResult
 from freefloat.motion.pointing import Keep, angle_of

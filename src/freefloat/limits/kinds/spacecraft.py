@@ -1,13 +1,32 @@
-"""The limit of the spacecraft's turn away from its attitude at the start."""
+"""Limits of the spacecraft: its rate and its turn."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from freefloat.limits.limit import Limit, Number, place_of_maximum
+from freefloat.limits.limit import Limit, Number, largest_magnitude, place_of_maximum, rates_along
 from freefloat.limits.result import LimitResult
 from freefloat.motion.motion import Motion
 from freefloat.so3 import Array, IntArray, angle_between
+
+
+class BaseRateLimit(Limit[float]):
+    """Magnitude of the spacecraft's angular velocity."""
+
+    name = "base_rate"
+    unit = "rad/s"
+    exponent = 1
+    value = Number()
+    description = "Magnitude of the spacecraft's angular velocity [rad/s]."
+
+    def worst(self, motion: Motion) -> LimitResult:
+        """The largest angular velocity of the spacecraft."""
+        rates = rates_along(motion)
+        nodes = motion.node_rates[..., :3] / self.bound if motion.panels else None
+        ratio, time = largest_magnitude(
+            motion, lambda panel, x: rates(panel, x).base / self.bound, nodes
+        )
+        return self.result(ratio * self.bound, self.bound, ratio, time, "spacecraft")
 
 
 class BaseTurnLimit(Limit[float]):
