@@ -36,6 +36,7 @@ from freefloat.robot.free_base import add_table
 from freefloat.robot.named_files import is_file
 from freefloat.robot.reader_process import MEMORY, UrdfText
 from freefloat.robot.urdf_xml import PAIR, text_of
+from freefloat.rotations import rotation_matrix
 from freefloat.so3 import Array
 
 _EFFORT, _VELOCITY = "1e9", "1e9"
@@ -275,9 +276,7 @@ def _renamed(sites: Mapping[str, str]) -> Iterator[tuple[str, str]]:
 
 def _matrix(quaternion: Array) -> Array:
     """Rotation matrix of MuJoCo's quaternion w, x, y, z."""
-    w, *vector = quaternion / np.linalg.norm(quaternion)
-    cross = np.cross(np.eye(3), vector)
-    return np.asarray(np.eye(3) + 2.0 * w * cross + 2.0 * cross @ cross)
+    return rotation_matrix(np.roll(quaternion, -1))
 
 
 def _add_origin(element: ET.Element, position: Array, rotation: Array) -> None:
