@@ -9,25 +9,23 @@ its quaternion in the order w, x, y, z. On a table two slides and a hinge take i
 
 from __future__ import annotations
 
+import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
 
-from freefloat.beyond.engines.kinematic_urdf import kinematic_urdf
 from freefloat.dynamics.system import System
 from freefloat.errors import InputError, require_extra
 from freefloat.robot.model import FreeFloatingModel
+from freefloat.robot.rigid_bodies import held_value
+from freefloat.robot.urdf_xml import text_of
 from freefloat.rotations import Rotation
 from freefloat.so3 import Array, heading_quaternion
 
-_TABLE = (
-    ("along x", "SLIDE", [1, 0, 0]),
-    ("along y", "SLIDE", [0, 1, 0]),
-    ("about z", "HINGE", [0, 0, 1]),
-)
-"""Joints of a base on a table."""
+_TABLE = {"along x": [1, 0, 0], "along y": [0, 1, 0], "about z": [0, 0, 1]}
+"""Joints of a base on a table, two slides and a hinge, with their axes."""
 _ON_TABLE = [0, 1, 5]
 """Components of its velocity."""
 _LIGHTEST = 1e-9
@@ -55,9 +53,9 @@ class MuJoCoModel:
             spec.compiler.boundmass = spec.compiler.boundinertia = _LIGHTEST
             root = spec.worldbody.first_body()
             if model.on_table:
-                for name, kind, axis in _TABLE:
-                    joint = getattr(mujoco.mjtJoint, f"mjJNT_{kind}")
-                    root.add_joint(name=f"{root.name} {name}", axis=axis, type=joint)
+                slide, hinge = mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_HINGE
+                for (name, axis), kind in zip(_TABLE.items(), (slide, slide, hinge), strict=True):
+                    root.add_joint(name=f"{root.name} {name}", axis=axis, type=kind)
             else:
                 root.add_freejoint()
             self.model = spec.compile()
@@ -68,6 +66,7 @@ class MuJoCoModel:
         self.model.opt.gravity[:] = 0.0, 0.0, -model.gravity
         self.model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
         self.data = mujoco.MjData(self.model)
+        self.velocity_stage = int(mujoco.mjtStage.mjSTAGE_VEL)  # poses, mass matrix, bias forces
         self.root = self.model.body(root.name).id
         joints = (self.model.joint(name) for name in model.joint_names)
         self._moving = [self.root, *(int(joint.bodyid[0]) for joint in joints)]
@@ -115,10 +114,8 @@ class MuJoCoModel:
     @property
     def base_position(self) -> Array:
         """Position of the base [m], shape (3,)."""
-        position = np.zeros(3)
-        count = 2 if self.system.model.on_table else 3
-        position[:count] = self.data.qpos[:count]
-        return position
+        height = 0.0 if self.system.model.on_table else self.data.qpos[2]
+        return np.array([*self.data.qpos[:2], height])
 
     @property
     def attitude(self) -> Array:
@@ -179,11 +176,6 @@ class MuJoCoModel:
             self.model.opt.disableflags &= ~int(bits.mjDSBL_CONSTRAINT)
             self.model.opt.disableflags |= int(bits.mjDSBL_CONTACT) | int(bits.mjDSBL_LIMIT)
 
-    @property
-    def velocity_stage(self) -> int:
-        """MuJoCo's stage that computes poses, the mass matrix and bias forces."""
-        return int(self._mujoco.mjtStage.mjSTAGE_VEL)
-
     def batch(self, factors: Array) -> Any:
         """Robots with other masses, simulated side by side, without torques of wheels.
 
@@ -202,13 +194,8 @@ class MuJoCoModel:
         """MuJoCo's regularization of dry friction.
 
         Below its limit, the friction of a joint is minus an inertia times the sum of the
-        acceleration and a constant times the rate.
-
-        Args:
-            batch: Robots, see :meth:`batch`.
-
-        Returns:
-            These inertias, shape (K, n), and the constant [1/s].
+        acceleration and a constant times the rate. Returned are these inertias of the robots of a
+        :meth:`batch`, shape (K, n), and the constant [1/s].
         """
         impedance, width = self.model.dof_solimp[6, :2]
         time, _ = self.model.dof_solref[6]
@@ -247,3 +234,64 @@ def _angular(a: Array, change: Array) -> Array:
     """Vector part of 2 conj(a) a' or 2 conj(a) a'': body-frame angular rate or acceleration."""
     vector = a[3] * change[:3] - change[3] * a[:3] - np.cross(a[:3], change[:3])
     return np.asarray(2.0 * vector)
+
+
+def kinematic_urdf(model: FreeFloatingModel) -> str:
+    """The URDF without inertias, shapes, friction, mimics; joints that do not move are fixed.
+
+    MuJoCo takes a link called world for the ground.
+    """
+    robot = ET.fromstring(model.description.text)
+    for element in robot.iter():
+        for key in ("name", "link"):
+            if element.get(key) == "world":
+                element.set(key, "not_the_ground")
+    for link in robot.findall("link"):
+        for content in list(link):
+            link.remove(content)
+    for joint in robot.findall("joint"):
+        for content in (*joint.findall("dynamics"), *joint.findall("mimic")):
+            joint.remove(content)
+        if joint.get("name") not in model.joint_names:
+            _fix(joint, held_value(model.description, joint.get("name", ""), model.fixed_joints))
+    _order(robot, model)
+    return ET.tostring(robot, encoding="unicode")
+
+
+def _order(robot: ET.Element, model: FreeFloatingModel) -> None:
+    """Put the joints into the order of the moving joints to which they lead.
+
+    MuJoCo numbers joints depth first; so the joints of one arm follow the joints of another.
+    """
+    first: dict[str, int] = {}
+    for number, joint in reversed([*enumerate(model.moving_joints)]):
+        link = joint.child
+        while link in model.description.parent_joints:
+            carrier = model.description.parent_joints[link]
+            first[carrier.name], link = number, carrier.parent
+    elements = robot.findall("joint")
+    for element in elements:
+        robot.remove(element)
+    robot.extend(sorted(elements, key=lambda entry: first.get(entry.get("name", ""), model.dof)))
+
+
+def _fix(joint: ET.Element, value: float) -> None:
+    """Fix a joint at a value [rad or m]."""
+    prismatic = joint.get("type") == "prismatic"
+    joint.set("type", "fixed")
+    if value == 0.0:
+        return
+    element, origin = joint.find("axis"), joint.find("origin")
+    text = "1 0 0" if element is None else element.get("xyz", "1 0 0")
+    axis = np.array(text.split(), dtype=float)
+    axis *= value / np.linalg.norm(axis)
+    if origin is None:
+        origin = ET.SubElement(joint, "origin")
+    xyz = np.array(origin.get("xyz", "0 0 0").split(), dtype=float)
+    rotation = Rotation.from_rpy(list(map(float, origin.get("rpy", "0 0 0").split())))
+    if prismatic:
+        xyz += rotation.apply(axis)
+    else:
+        rotation *= Rotation.from_rotvec(axis)
+    origin.set("xyz", text_of(xyz))
+    origin.set("rpy", text_of(rotation.as_rpy()))
