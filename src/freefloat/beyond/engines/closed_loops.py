@@ -213,16 +213,12 @@ class Plants:
             raise IntegrationError(0.0, "a simulated robot diverges", "smaller errors or periods")
         self._velocities[:, 3:6], self._velocities[:, 6:] = spins, states.rates
         self._batch.forward(stage=self._stage)
-        momenta = self._momenta(states.attitudes)
+        momenta = np.zeros_like(spins)  # without the wheels', spacecraft frame
+        if self._system.rotates:
+            turned = Rotation.from_quat(np.roll(states.attitudes, -1, axis=1)).inv()
+            momenta = turned.apply(self._system.momentum.copy()) - self._system.wheels
         torques = -np.cross(spins, self._system.wheels)
         reduce_dynamics(self._mass, self._bias, *self._rows, momenta, torques, self._prevented, out)
-
-    def _momenta(self, attitudes: Array) -> Array:
-        """Angular momenta without the momenta of wheels, spacecraft frame, shape (K, 3)."""
-        if not self._system.rotates:
-            return np.zeros((len(attitudes), 3))
-        turned = Rotation.from_quat(np.roll(attitudes, -1, axis=1)).inv()
-        return np.asarray(turned.apply(self._system.momentum.copy()) - self._system.wheels)
 
     @property
     def attitudes(self) -> Array:

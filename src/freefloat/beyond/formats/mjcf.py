@@ -85,7 +85,7 @@ def read(file: str, root: str | None = None) -> UrdfText:
         ET.SubElement(robot, PAIR, link1=first, link2=second)
     ET.indent(robot)
     text = ET.tostring(robot, encoding="unicode")
-    warnings = (*_warnings(model, start, named=root is not None), *_renamed(sites))
+    warnings = tuple(_warnings(model, start, sites, named=root is not None))
     files = sorted(_files(Path(file)))
     documents = [Path(file), *(path for path in files if path.suffix == ".xml")]
     names, unread = tuple(map(str, files)), tuple(not_read(model, bodies, documents))
@@ -113,8 +113,10 @@ def _files(model: Path) -> set[Path]:
     return files
 
 
-def _warnings(model: Any, start: int, *, named: bool) -> Iterator[tuple[str, str]]:
-    """What of the model the URDF lacks, and remedies; ``named`` is whether the root was."""
+def _warnings(
+    model: Any, start: int, sites: Mapping[str, str], *, named: bool
+) -> Iterator[tuple[str, str]]:
+    """What the URDF lacks or renames, and remedies; ``named`` is whether the root was."""
     _, *carriers = body_names(model, line(model, start))
     if carriers and not base_joints(model, start):
         problem = (
@@ -132,6 +134,10 @@ def _warnings(model: Any, start: int, *, named: bool) -> Iterator[tuple[str, str
     if model.neq:
         problem = f"equality constraints are ignored: {model.neq}; their joints are held or free"
         yield problem, "a model without closed chains and coupled joints"
+    for site, link in sites.items():
+        if link != site:
+            problem = f"the site {site} has the name of a body or joint: its link is {link}"
+            yield problem, f"{link} for the site, {site} for the other one"
 
 
 def _load(file: str) -> Any:
@@ -264,14 +270,6 @@ def _free_name(name: str, names: set[str]) -> str:
         name += "_site"
     names.add(name)
     return name
-
-
-def _renamed(sites: Mapping[str, str]) -> Iterator[tuple[str, str]]:
-    """Problems and remedies of sites whose links have other names."""
-    for site, link in sites.items():
-        if link != site:
-            problem = f"the site {site} has the name of a body or joint: its link is {link}"
-            yield problem, f"{link} for the site, {site} for the other one"
 
 
 def _matrix(quaternion: Array) -> Array:

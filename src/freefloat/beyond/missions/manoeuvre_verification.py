@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
-from typing import Any, cast
+from dataclasses import replace
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 import scipy
@@ -96,16 +96,10 @@ def _integrated_again(law: JointLaw, attitude: Array, times: Array) -> Array:
         x, w = q[:3], q[3]
         return np.append(w * omega + np.cross(x, omega), -x @ omega) / 2.0  # (8c)
 
-    quaternions = scipy.integrate.solve_ivp(
-        rates,
-        times[[0, -1]],
-        attitude,
-        "DOP853",
-        times,
-        rtol=_PRECISE,
-        atol=_PRECISE,
-        max_step=law.duration / spline.spans / 8.0,  # else the values between steps err by 2e-9
-    ).y.T
+    span, most = times[[0, -1]], law.duration / spline.spans / 8.0  # else values err by 2e-9
+    accuracy = {"rtol": _PRECISE, "atol": _PRECISE, "max_step": most}
+    found = scipy.integrate.solve_ivp(rates, span, attitude, "DOP853", times, **accuracy)
+    quaternions = found.y.T
     return np.asarray(quaternions / np.linalg.norm(quaternions, axis=1, keepdims=True))
 
 
@@ -213,7 +207,7 @@ def _handover_checks(manoeuvre: Manoeuvre) -> Iterator[Check]:
             result, last = cast(Capture, phase.result), before[1]
             yield from _capture_checks(phase, result, last)
             omega = rotation_matrix(last.attitude).T @ result.base_rate
-            before = before[0], replace(last, joint_rates=result.joint_rates, base_rate=omega)
+            before = before[0], last._replace(joint_rates=result.joint_rates, base_rate=omega)
         if motion is None:
             continue
         if before is not None:
@@ -221,8 +215,7 @@ def _handover_checks(manoeuvre: Manoeuvre) -> Iterator[Check]:
         before = phase, _state(phase, motion, motion.final)
 
 
-@dataclass(frozen=True, eq=False)
-class _JoinState:
+class _JoinState(NamedTuple):
     """Where a phase begins or ends, the base position in the frame of the manoeuvre.
 
     Joints are the joints of the arm that follows the path.

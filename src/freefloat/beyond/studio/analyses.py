@@ -175,7 +175,8 @@ class GoalAnalysis(Analysis):
         if state.dragging:
             return None if self._sketched else self._sketch(state)
         if self._found is None or self._wants_motion(state):
-            return self._move(state, progress)
+            self._found, self._unchecked = self._posed.plan(progress=progress), True
+            return self._showing(state, self._found.motion, self._found.reason)
         if self._unchecked:
             self._unchecked = False
             return self._show_limits(self._found.limit_results)
@@ -199,12 +200,6 @@ class GoalAnalysis(Analysis):
         except InputError:  # the present state is dragged to itself, for example
             motion = None
         return self._showing(state, motion, "a sketch, which need not keep clear of bodies")
-
-    def _move(self, state: WorkerState, progress: Progress) -> WorkerAnswer:
-        """The motion to the goal, or why there is none."""
-        self._found = self._posed.plan(progress=progress)
-        self._unchecked = True
-        return self._showing(state, self._found.motion, self._found.reason)
 
     def _showing(self, state: WorkerState, motion: Motion | None, outcome: str) -> WorkerAnswer:
         """Show a motion, or the present attitude where there is none."""

@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from freefloat.beyond.studio.answers import limits_answer, place, playback_of
+from freefloat.beyond.studio.answers import place, playback_of
 from freefloat.beyond.studio.messages import WorkerAnswer, WorkerState
 from freefloat.concurrency import Progress
 from freefloat.dynamics.joint_space import largest_measure
@@ -84,9 +84,14 @@ class Analysis(ABC):
         return WorkerAnswer("motion", {**content, "choice": state.choice})
 
     def _show_limits(self, results: Sequence[LimitResult]) -> WorkerAnswer:
-        """Show the limits along the motion shown."""
+        """Show the limits along the motion shown, a line each."""
         self._results = results
-        return WorkerAnswer("limits", {"results": limits_answer(results)})
+        lines = [
+            {"limit": result.label, "kept": result.kept, "time": result.time,
+             "text": f"{result.sentence}, {result.where}, t = {result.time:.4g} s"}
+            for result in results
+        ]  # fmt: skip
+        return WorkerAnswer("limits", {"results": lines})
 
     def _saved(self, result: Any, file: Path) -> WorkerAnswer:
         """Save a result, unless it is infeasible, to a file that does not exist yet."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -214,12 +214,3 @@ def place(setting: Setting, attitude: Array) -> dict[str, Any]:
         "rotation_vector": rotation_vectors(attitude).tolist(),
         "heading_deg": heading,
     }
-
-
-def limits_answer(results: Iterable[LimitResult]) -> list[dict[str, Any]]:
-    """Limits along the motion, a line each."""
-    return [
-        {"limit": result.label, "kept": result.kept, "time": result.time,
-         "text": f"{result.sentence}, {result.where}, t = {result.time:.4g} s"}
-        for result in results
-    ]  # fmt: skip

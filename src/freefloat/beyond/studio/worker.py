@@ -151,11 +151,6 @@ class WorkerProcess:
         self.busy, self._failures = False, 0
         self._process, self._connection = self._start()
 
-    @property
-    def pid(self) -> int | None:
-        """Number of the process."""
-        return self._process.pid
-
     def send(self, message: WorkerState | WorkerTask) -> None:
         """Send a message; an earlier state is abandoned for a new one."""
         self.busy = True

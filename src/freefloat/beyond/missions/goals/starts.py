@@ -57,20 +57,13 @@ def starts(relaxation: Relaxation, rng: np.random.Generator, most: int) -> Itera
     if paths.ends.end is not None and not paths.closed:
         candidates.append(blank)
     yield from (relaxation.with_duration(unknowns) for unknowns in candidates)
-    closed = list(_closed(relaxation, random[: _CLOSED_PER_START * most]))
-    looked_at = [relaxation.linearized(unknowns, _LOOK) for unknowns in closed]
+    looked_at = []
+    for unknowns in map(relaxation.with_duration, random[: _CLOSED_PER_START * most]):
+        closed = relaxation.closed(unknowns, _MEAN_SQUARE, accuracy=_COMPARED_RESIDUAL)
+        if closed is not None:  # the path comes to the goal
+            looked_at.append(relaxation.linearized(relaxation.with_duration(closed), _LOOK))
     for path in sorted(looked_at, key=lambda path: path.promise)[:most]:
         yield path.course.unknowns
-
-
-def _closed(relaxation: Relaxation, candidates: Sequence[Array]) -> Iterator[Array]:
-    """Unknowns near some whose paths end at the goal; none for paths that do not come there."""
-    for unknowns in candidates:
-        closed = relaxation.closed(
-            relaxation.with_duration(unknowns), _MEAN_SQUARE, accuracy=_COMPARED_RESIDUAL
-        )
-        if closed is not None:
-            yield relaxation.with_duration(closed)
 
 
 def _promise(relaxation: Relaxation, unknowns: Array) -> float:
