@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -59,8 +59,9 @@ def singularity_map_checks(found: SingularityMap) -> Iterator[Check]:
     """Det A of the robot at random configurations, compared with the polynomial and the boxes."""
     rng = np.random.default_rng(_SEED)
     names = found.model.joint_names
-    lower, upper = joint_box(found.model, {names.index(k): v for k, v in found.fixed.items()})
-    joints = _with_fixed(found, rng.uniform(lower, upper, (_CONFIGURATIONS, len(names))))
+    fixed = {names.index(name): value for name, value in found.fixed.items()}
+    joints = rng.uniform(*joint_box(found.model, fixed), (_CONFIGURATIONS, len(names)))
+    joints[:, [*fixed]] = [*fixed.values()]
     exact = determinants(found.model, joints, found.task)
     scale = float(np.abs(exact).max())
     deviation = float(np.abs(found.polynomial.values(joints) - exact).max() / scale)
@@ -75,36 +76,28 @@ def singularity_map_checks(found: SingularityMap) -> Iterator[Check]:
     wrong |= (kinds == Kind.NEGATIVE) & (exact > _DEVIATION * scale)
     free = np.isin(kinds, (Kind.POSITIVE, Kind.NEGATIVE))
     yield _count("boxes without singularities", int(wrong.sum()), int(free.sum()))
-    low, high = _ends(found, rng)
-    if not len(low):
-        return
-    signs = [np.sign(determinants(found.model, q, found.task)) for q in (low, high)]
-    same = int((signs[0] * signs[1] > 0.0).sum())
-    yield _count("boxes with a singularity", same, len(low))
+    low, high = _ends(found, fixed, rng)
+    if len(low):
+        signs = [np.sign(determinants(found.model, q, found.task)) for q in (low, high)]
+        same = int((signs[0] * signs[1] > 0.0).sum())
+        yield _count("boxes with a singularity", same, len(low))
 
 
-def _with_fixed(found: SingularityMap, joints: Array) -> Array:
-    """Joint values (K, n) with those that are fixed."""
-    joints[:, [found.model.joint_names.index(name) for name in found.fixed]] = list(
-        found.fixed.values()
-    )
-    return joints
-
-
-def _ends(found: SingularityMap, rng: np.random.Generator) -> tuple[Array, Array]:
+def _ends(
+    found: SingularityMap, fixed: Mapping[int, float], rng: np.random.Generator
+) -> tuple[Array, Array]:
     """Corners of some boxes with a singularity, between which det A changes most, (K, n) each."""
     boxes = [
         (centres[kinds], halves[kinds])
         for part, centres, halves in found.iterate_boxes()
-        if (kinds := found.nodes[part] == Kind.SINGULAR).any()
+        for kinds in (found.nodes[part] == Kind.SINGULAR,)
     ]
-    if not boxes:
-        return (np.zeros((0, found.model.dof)),) * 2
     centres, halves = (np.concatenate(column) for column in zip(*boxes, strict=True))
     chosen = rng.permutation(len(centres))[:_BOXES]
     centres, halves = centres[chosen], halves[chosen]
-    steps = np.sign(found.polynomial.gradients(centres)) * halves
-    return _with_fixed(found, centres - steps), _with_fixed(found, centres + steps)
+    steps = np.sign(found.polynomial.gradients(centres)) * halves  # zero across fixed joints
+    centres[:, [*fixed]] = [*fixed.values()]
+    return centres - steps, centres + steps
 
 
 def _count(name: str, wrong: int, looked_at: int) -> Check:
