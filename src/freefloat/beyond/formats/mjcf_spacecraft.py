@@ -183,7 +183,7 @@ def moves_in_plane(model: Any, root: int) -> bool:
         return False
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
-    bodies = [body for body in range(1, model.nbody) if root in line(model, body)]
+    bodies = bodies_of(model, root)
     own = (joint for body in bodies if body != root for joint in joints_of(model, body))
     every = [*joints, *own]
     turning = model.jnt_type[every] == HINGE
@@ -235,7 +235,7 @@ def tie_to_world(model: Any, root: int) -> str | None:
     Bodies without joints in the world, and those that are moved from outside, are as the world. One
     that couples a joint of the root ties it, too.
     """
-    robot = [body for body in range(1, model.nbody) if root in line(model, body)]
+    robot = bodies_of(model, root)
     joints = {joint for body in line(model, root) for joint in joints_of(model, body)}
     constraint = "an active equality constraint"
     for number in np.flatnonzero(model.eq_active0):
