@@ -117,17 +117,14 @@ def _margin(phase: PhaseResult) -> str:
 def _found(phase: PhaseResult) -> str:
     from freefloat.beyond.missions.manoeuvre import phase_reason
 
-    if phase.kind == "capture":
-        return f"{phase.name}: {_capture(cast('Capture', phase.result))}"
-    return phase_reason(phase)
-
-
-def _capture(capture: Capture) -> str:
+    if phase.kind != "capture":
+        return phase_reason(phase)
+    capture = cast("Capture", phase.result)
     impulse, momentum = math.hypot(*capture.impulse[:3]), decimals(capture.momentum)
     low, high = (math.degrees(rate) for rate in (capture.smallest_rate, capture.largest_rate))
     locked = math.degrees(math.hypot(*capture.locked_rate))
     return (
-        f"impulse {impulse:.3g} N s, momentum {momentum} N m s; with locked joints the system "
-        f"turns at {locked:.4f} deg/s now, in any attitude between {low:.4f} and "
+        f"{phase.name}: impulse {impulse:.3g} N s, momentum {momentum} N m s; with locked joints "
+        f"the system turns at {locked:.4f} deg/s now, in any attitude between {low:.4f} and "
         f"{high:.4f} deg/s"
     )

@@ -139,8 +139,7 @@ class PathAnalysis(Analysis):
                 search, objective=Nearest(), from_attitude=np.array(attitude),
                 within=None, spare=0.0,
             )  # fmt: skip
-        result = plan(problem, search, self._limits)
-        return self._saved(result, file)
+        return self._saved(plan(problem, search, self._limits), file)
 
 
 class GoalAnalysis(Analysis):
