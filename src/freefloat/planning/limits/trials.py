@@ -76,13 +76,13 @@ class Trials:
 
     def at(self, attitude: Array, branch: int) -> PassedTrial | None:
         """Result of :meth:`check` for the precise motion of an arm branch at an attitude (4,)."""
-        problem = self.problem
-        start = next(entry for entry in problem.branches(attitude) if entry.index == branch)
-        motions = self.evaluator.integrator.integrate(attitude[None], start.joints[None])
-        if motions.endings[0] != SINGULAR:
-            with suppress(IntegrationError):  # it whirls beside a singularity
-                motion = precise_motion(problem, attitude, start.joints)
-                return self.check(simulated_branch(start, motion))
+        starts = [entry for entry in self.problem.branches(attitude) if entry.index == branch]
+        for start in starts:  # none where rounding decides whether the branch exists
+            motions = self.evaluator.integrator.integrate(attitude[None], start.joints[None])
+            if motions.endings[0] != SINGULAR:
+                with suppress(IntegrationError):  # it whirls beside a singularity
+                    motion = precise_motion(self.problem, attitude, start.joints)
+                    return self.check(simulated_branch(start, motion))
         self.count += 1
         self._refuse("margin")
         return None
