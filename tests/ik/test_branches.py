@@ -226,25 +226,36 @@ def test_branches_of_redundant_arms_are_reproducible_and_spread(structure, task,
         np.testing.assert_array_equal(branch.joints, other.joints)
 
 
+def assert_rounding_changes_no_branch(axes: str, task: ff.Task, q: np.ndarray) -> None:
+    """Sets of branches of an arm of equal links, at the poses of configurations (K, n)."""
+    place = (0.0, 0.0, 0.3), 5.0, (0.0, 0.0, 0.15), (1.0, 1.0, 0.2)
+    joints = [("continuous", np.eye(3)["xyz".index(axis)], *place) for axis in axes]
+    model = ff.FreeFloatingModel.from_urdf(chain(*joints, tool=(0.0, 0.0, 0.1)), "tool")
+    p, R = VirtualManipulator.of(model).kinematics(q)[:2]
+    one, other = (
+        many_arm_branches(model, p * (1.0 + shift), R * (1.0 - shift), task)
+        for shift in (0.0, 2e-16)
+    )
+    assert one.exist.any(axis=1).mean() > 0.9
+    np.testing.assert_array_equal(one.names, other.names)
+    np.testing.assert_allclose(np.exp(1j * one.joints), np.exp(1j * other.joints), atol=1e-5)
+
+
 @pytest.mark.parametrize(("axes", "task"), [
     ("zyzyzyz", ff.Task.POSE), ("zyyzyyz", ff.Task.POSE), ("zyzy", ff.Task.POSITION),
     ("zyzyzy", ff.Task.POINTING),
 ])  # fmt: skip
 def test_rounding_does_not_order_the_branches_of_symmetric_redundant_arms(axes, task, rng):
     """Starts in pairs are equally far from others, and many joints are 0 or 180 degrees."""
-    place = (0.0, 0.0, 0.3), 5.0, (0.0, 0.0, 0.15), (1.0, 1.0, 0.2)
-    joints = [("continuous", np.eye(3)["xyz".index(axis)], *place) for axis in axes]
-    model = ff.FreeFloatingModel.from_urdf(chain(*joints, tool=(0.0, 0.0, 0.1)), "tool")
     q = rng.uniform(-2.0, 2.0, (60, len(axes)))
     q[::3] = np.pi / 2.0 * rng.integers(-1, 2, q[::3].shape)
     q[1::3, ::2] = 0.0
-    p, R = VirtualManipulator.of(model).kinematics(q)[:2]
-    one, other = (
-        many_arm_branches(model, p * (1.0 + shift), R * (1.0 - shift), task).joints
-        for shift in (0.0, 2e-16)
-    )
-    assert np.isfinite(one).any(axis=(1, 2)).mean() > 0.9
-    np.testing.assert_allclose(np.exp(1j * one), np.exp(1j * other), atol=1e-5)
+    assert_rounding_changes_no_branch(axes, task, q)
+
+
+def test_rounding_does_not_name_the_branches_of_arms_without_an_elbow(rng: np.random.Generator) -> None:
+    """The third joint turns the upper arm about its length."""
+    assert_rounding_changes_no_branch("zyzyzy", ff.Task.POSE, rng.uniform(-2.0, 2.0, (60, 6)))
 
 
 def test_redundant_arms_have_configurations_within_their_ranges(rng: np.random.Generator) -> None:

@@ -24,8 +24,8 @@ _ROUNDING = 1e-13
 SAME = 1e-5
 """Largest joint difference of equal solutions [rad, m]."""
 EQUALLY_FAR = 1e-6
-"""Difference of distances [rad, m] that rounding decides: of symmetric solutions, and of solutions
-with one joint value, the farthest from the one given, in common."""
+"""Distances [rad, m] that differ by no more are equal: rounding would decide between mirrored
+solutions, and between solutions that share the joint value that is farthest from a given one."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,6 +15,8 @@ from freefloat.so3 import Array, IntArray
 
 MAX_BRANCHES = 16
 """Maximum number of branches at a pose: an arm with six revolute joints can have as many."""
+_ROUNDING = 1e-9
+"""Magnitude of what decides an elbow's or a wrist's sign that is a rounding error [m^2 or 1]."""
 
 
 def numbered_branches(model: FreeFloatingModel, task: Task, q: Array) -> tuple[Array, IntArray]:
@@ -79,15 +81,14 @@ def _jacobians(
 def sign_patterns(points: Array, axes: Array, negative: npt.NDArray[np.bool_]) -> IntArray:
     """Numbers (N,) of the signs (shoulder, elbow, wrist) of six revolute joints.
 
-    Points and axes of the joints have shape (6, N, 3).
-
-    The elbow sign is the sign of the elbow angle, the wrist sign the sign of the fifth joint; the
-    shoulder sign makes the product of all three the sign of the Jacobian's determinant, so that
-    signs change at singularities only.
+    Points and axes of the joints have shape (6, N, 3). The elbow sign is the sign of the elbow
+    angle, the wrist sign the sign of the fifth joint, positive for arms that have none, such as an
+    arm whose third joint turns the upper arm about its length; the shoulder sign makes the product
+    of all three the sign of the Jacobian's determinant, so that signs change at singularities only.
     """
     p, h = np.moveaxis(points, -1, 1), np.moveaxis(axes, -1, 1)
-    elbow = dot(h[2], cross(p[2] - p[1], p[3] - p[2])) < 0.0
-    wrist = dot(h[4], cross(h[3], h[5])) < 0.0
+    elbow = dot(h[2], cross(p[2] - p[1], p[3] - p[2])) < -_ROUNDING
+    wrist = dot(h[4], cross(h[3], h[5])) < -_ROUNDING
     return np.asarray(4 * (negative ^ elbow ^ wrist) + 2 * elbow + wrist)
 
 
@@ -107,8 +108,7 @@ def numbers_by_sign(exist: npt.NDArray[np.bool_], negative: npt.NDArray[np.bool_
 def columns_by_name(names: IntArray) -> IntArray:
     """Columns of branches (B, K): the number of their name or, if occupied, from 8 on."""
     exist = names >= 0
-    branch = np.arange(len(names))
-    earlier = (branch < branch[:, None])[..., None]
+    earlier = np.tri(len(names), k=-1, dtype=bool)[..., None]
     repeated = exist & ((names == names[:, None]) & earlier).any(axis=1)
     first = exist & ~repeated
     occupied = np.zeros((MAX_BRANCHES, names.shape[1]), dtype=bool)
