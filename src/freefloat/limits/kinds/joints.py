@@ -18,6 +18,7 @@ from freefloat.so3 import Array, IntArray
 
 Ranges = tuple[Array, Array]
 """Lower and upper ends [rad or m], shape (n,) each."""
+_BY_JOINT = "a positive number for all joints, a map from joint to number, or ``urdf``"
 
 
 class JointRangeLimit(JointLimit[Ranges]):
@@ -56,10 +57,7 @@ class JointRateLimit(MagnitudeLimit):
     prismatic_unit = "m/s"
     exponent = 1
     value = PerJoint("rated_speed")
-    description = (
-        "Magnitudes of joint rates [rad/s, m/s]: a positive number for all joints, a map from "
-        "joint to number, or ``urdf``."
-    )
+    description = f"Magnitudes of joint rates [rad/s, m/s]: {_BY_JOINT}."
 
     def worst(self, motion: Motion) -> LimitResult:
         """The joint whose rate is largest over its limit."""
@@ -76,10 +74,7 @@ class JointAccelerationLimit(MagnitudeLimit):
     prismatic_unit = "m/s²"
     exponent = 2
     value = PerJoint("rated_acceleration")
-    description = (
-        "Magnitudes of joint accelerations [rad/s², m/s²]: a positive number for all joints, a map "
-        "from joint to number, or ``urdf``, of version 1.2."
-    )
+    description = f"Magnitudes of joint accelerations [rad/s², m/s²]: {_BY_JOINT}, of version 1.2."
 
     def worst(self, motion: Motion) -> LimitResult:
         """The joint whose acceleration is largest over its limit."""
@@ -97,9 +92,8 @@ class JointJerkLimit(MagnitudeLimit):
     exponent = 3
     value = PerJoint("rated_jerk")
     description = (
-        "Magnitudes of joint jerks [rad/s³, m/s³]: a positive number for all joints, a map from "
-        "joint to number, or ``urdf``, of version 1.2. Jumps of accelerations, of time laws that "
-        "have them, do not count."
+        f"Magnitudes of joint jerks [rad/s³, m/s³]: {_BY_JOINT}, of version 1.2. Jumps of "
+        "accelerations, of time laws that have them, do not count."
     )
 
     def worst(self, motion: Motion) -> LimitResult:
@@ -129,10 +123,7 @@ class JointTorqueLimit(MagnitudeLimit):
     prismatic_unit = "N"
     exponent = 2
     value = PerJoint("rated_effort")
-    description = (
-        "Magnitudes of joint torques and forces [N m, N]: a positive number for all joints, a map "
-        "from joint to number, or ``urdf``."
-    )
+    description = f"Magnitudes of joint torques and forces [N m, N]: {_BY_JOINT}."
 
     def worst(self, motion: Motion) -> LimitResult:
         """The joint whose torque or force is largest over its limit."""

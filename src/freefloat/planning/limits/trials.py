@@ -76,8 +76,8 @@ class Trials:
 
     def at(self, attitude: Array, branch: int) -> PassedTrial | None:
         """Result of :meth:`check` for the precise motion of an arm branch at an attitude (4,)."""
-        starts = [entry for entry in self.problem.branches(attitude) if entry.index == branch]
-        for start in starts:  # none where rounding decides whether the branch exists
+        start = next((b for b in self.problem.branches(attitude) if b.index == branch), None)
+        if start is not None:  # rounding may decide whether the branch exists
             motions = self.evaluator.integrator.integrate(attitude[None], start.joints[None])
             if motions.endings[0] != SINGULAR:
                 with suppress(IntegrationError):  # it whirls beside a singularity
