@@ -253,7 +253,7 @@ def test_rounding_does_not_order_the_branches_of_symmetric_redundant_arms(axes, 
     assert_rounding_changes_no_branch(axes, task, q)
 
 
-def test_rounding_does_not_name_the_branches_of_arms_without_an_elbow(rng: np.random.Generator) -> None:
+def test_rounding_does_not_name_branches_of_arms_without_an_elbow(rng: np.random.Generator) -> None:
     """The third joint turns the upper arm about its length."""
     assert_rounding_changes_no_branch("zyzyzy", ff.Task.POSE, rng.uniform(-2.0, 2.0, (60, 6)))
 
